@@ -2,6 +2,7 @@
 
 use rollwalk_firmware::Settings;
 use rollwalk_firmware::load::{BusLoad, BusProblem, examine};
+use rollwalk_protocol::actuators::MAX_ON_LINE;
 use rollwalk_protocol::actuators::Watchdog;
 use rollwalk_protocol::actuators::bus::{MAX_BUSES, Protocol};
 use rollwalk_protocol::actuators::dynamixel::Dynamixel;
@@ -109,6 +110,11 @@ impl BusLoads {
                 Some(BusProblem::NoSuchBus) => {
                     format!("controllers have buses 0 to {} only", MAX_BUSES - 1)
                 }
+                Some(BusProblem::TooMany) => format!(
+                    "{} servos on a serial line, which carries at most {MAX_ON_LINE}: give each \
+                     limb or side its own `[[bus]]`",
+                    row.actuators
+                ),
                 Some(BusProblem::Overload(overload)) => format!("{overload}; {}", lighter(row)),
                 Some(BusProblem::TooSeldom { needed_hz }) => {
                     format!("set the drives to report their poses at {needed_hz} Hz or more")

@@ -6,15 +6,18 @@ use crate::robot;
 use heapless::Vec;
 use rollwalk_firmware::bus::{Bus, MAX_BUSES};
 use rollwalk_firmware::hal::ports::{self, Transport};
-use rollwalk_firmware::store::{FlashParameters, FlashStore};
+use rollwalk_firmware::store::{FlashParameters, FlashStore, set_len};
 use rollwalk_firmware::{Controller, Settings};
 use static_cell::StaticCell;
 
 /// Number of boots after which a library on trial is rolled back.
 const TRIAL_BOOTS: u8 = 3;
 
+/// Store of gains and limits, with sets for the channels of this robot.
+type Parameters = FlashParameters<Part, { set_len(robot::CHANNELS.len()) }>;
+
 /// Controller with its stores.
-pub type Core = Controller<Libraries<Part>, FlashParameters<Part>>;
+pub type Core = Controller<Libraries<Part>, Parameters>;
 
 static CONTROLLER: StaticCell<Core> = StaticCell::new();
 
@@ -41,7 +44,7 @@ pub fn start(parts: Parts, settings: Settings) -> Option<ReadyController> {
     let Parts { libraries, boots, parameters } = parts;
     let libraries = FlashStore::mount(libraries, TRIAL_BOOTS).ok()?;
     let libraries = image_keys::require_signatures(libraries)?;
-    let parameters = FlashParameters::mount(parameters).ok()?;
+    let parameters = Parameters::mount(parameters).ok()?;
     let (config, buses) = (robot::config(), robot::buses()?);
     let [on_can, on_serial] =
         [Transport::Can, Transport::Serial].map(|kind| ports::assigned(&config, &buses, kind));

@@ -356,8 +356,8 @@ mod tests {
     #[test]
     fn gains_stay_within_the_scale_of_a_setpoint() {
         let mut config = config();
-        config.channels[0].kp_nm_rad = 600.0;
-        config.channels[0].kd_nm_s_rad = 60.0;
+        config.channels[0].kp_nm_rad = 6000.0;
+        config.channels[0].kd_nm_s_rad = 600.0;
         let settings = Settings { max_gain_ratio: 50.0, ..Settings::default() };
         let mut p = Parameters::new(&config, &settings);
         let mut most =

@@ -27,7 +27,7 @@ pub(crate) mod tests;
 pub use boots::BootCounter;
 pub use flash::FlashStore;
 pub(crate) use parameters::PARAMETERS;
-pub use parameters::{FlashParameters, NoParameters, ParameterSet, ParameterStore};
+pub use parameters::{FlashParameters, NoParameters, ParameterSet, ParameterStore, set_len};
 pub use ram::RamStore;
 pub use ram_flash::RamFlash;
 #[cfg(feature = "ed25519")]

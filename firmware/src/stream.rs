@@ -16,7 +16,7 @@
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::wire::Setpoint;
 
-use crate::channel_bits::{all, bit};
+use crate::channel_bits::{ChannelBits, all, bit};
 use crate::hermite;
 use crate::limiter::Target;
 use crate::window::{WINDOW, Window};
@@ -37,7 +37,7 @@ struct Frame {
 #[derive(Clone, Copy, Debug)]
 struct PartialFrame {
     /// Received channels, a bit each.
-    heard: u32,
+    heard: ChannelBits,
     frame: Frame,
 }
 

@@ -15,7 +15,7 @@
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::wire::{SampleAnswer, Setpoint};
 
-use crate::channel_bits::{all, bit};
+use crate::channel_bits::{ChannelBits, all, bit};
 use crate::limiter::Target;
 
 /// Number of samples by which the answer in force may be older than usual before the robot holds still.
@@ -41,9 +41,9 @@ struct Answer {
     /// Number of the answered sample, modulo 256.
     number: u8,
     /// Received channels, a bit each.
-    heard: u32,
+    heard: ChannelBits,
     /// Channels with the stiff flag, a bit each.
-    stiff: u32,
+    stiff: ChannelBits,
     /// Values, rad or rad/s.
     values: [f32; MAX_CHANNELS],
     /// Torques, N·m.
@@ -87,7 +87,7 @@ impl Track {
         values: [f32; MAX_CHANNELS],
         torques: [f32; MAX_CHANNELS],
     ) -> Self {
-        let rests = Answer { number: 0, heard: 0, stiff: u32::MAX, values, torques };
+        let rests = Answer { number: 0, heard: 0, stiff: ChannelBits::MAX, values, torques };
         Self {
             tracking,
             since_sample: u16::MAX,

@@ -70,7 +70,8 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
              library"
         }
         CommandResult::BadTracking => {
-            "give a rate from 20 samples/s to the control rate, and gains from 0 to 100 %"
+            "give a rate from 20 samples/s to the control rate, and gains from 0 to 100 %; with more than \
+             27 channels lower the rate, so that a link of 1 Mbit/s carries samples and answers"
         }
     }
 }

@@ -8,6 +8,9 @@
 //! | `0x200 + n` | [`WheelSetpoint`] | to actuator `n` |
 //! | `0x280 + n` | [`JointSetpoint`] with a torque | to actuator `n` |
 //! | `0x300 + n` | [`WheelSetpoint`] with a torque | to actuator `n` |
+//! | `0x380 + n` | [`JointSetpoint`], wide | to actuator `n` |
+//! | `0x400 + n` | [`WheelSetpoint`], wide | to actuator `n` |
+//! | `0x480 + n` | [`Feedback`], wide | from actuator `n` |
 //!
 //! `n` is 0 to 127. [`Control`] frames have priority over set-points on a busy bus. Integers are little-endian and two's
 //! complement. Values are rounded to the nearest step, and 0 is encoded exactly. The code −32768 is never sent, and is refused
@@ -17,8 +20,21 @@
 //! passed [`crate::config::RobotConfig::check`].
 //!
 //! A set-point whose torque rounds to 0 is sent in the frame without torque. Drives that do not support torque follow it, too.
+//! Values beyond the scale of the other frames are sent in a wide frame, which fast wheels and large robots need.
+
+mod codes;
 
 use crate::can::Frame;
+use codes::{
+    COARSE_SPEED_STEPS, DOWN, KD_STEPS, KP_STEPS, NEAREST, SHORT_KD_STEPS, SHORT_KP_STEPS,
+    SHORT_MOST, SHORT_TORQUE_STEPS, WHEEL_SPEED_STEPS, WIDER, from_short, i16_steps, short,
+    short_torque, signed_short, steps, u16_steps, unsigned,
+};
+
+pub(crate) use codes::{
+    POSITION_STEPS, SPEED_STEPS, TORQUE_STEPS, from_measurement, measured, measurement, saturated,
+    signed,
+};
 
 /// Largest address of an actuator.
 pub const MAX_ID: u8 = 0x7F;
@@ -28,71 +44,35 @@ pub const POSITION_STEP_RAD: f32 = 1.0 / POSITION_STEPS;
 pub const MAX_POSITION_RAD: f32 = 6.5;
 /// Speed step of 16-bit codes in rad/s: 2 mrad/s. Codes span ±65.534 rad/s.
 pub const SPEED_STEP_RAD_S: f32 = 1.0 / SPEED_STEPS;
-/// Largest speed, rad/s.
+/// Largest speed of a joint, rad/s.
 pub const MAX_SPEED_RAD_S: f32 = 65.0;
+/// Largest speed of a wheel, rad/s.
+pub const MAX_WHEEL_SPEED_RAD_S: f32 = 1000.0;
 /// Speed step of wheel set-points in rad/s: 0.1 mrad/s, in 32-bit codes. Decoded values encode to the same bytes up to 2²²
 /// steps, ±419 rad/s. Above that, an `f32` may be off by a step.
 pub const WHEEL_SPEED_STEP_RAD_S: f32 = 1.0 / WHEEL_SPEED_STEPS;
 /// Torque step in N·m: 5 mN·m. Codes span ±163.8 N·m, or 0 to 327 N·m for a limit.
 pub const TORQUE_STEP_NM: f32 = 1.0 / TORQUE_STEPS;
 /// Largest torque, N·m.
-pub const MAX_TORQUE_NM: f32 = 160.0;
+pub const MAX_TORQUE_NM: f32 = 20_000.0;
 /// Step of the proportional gain, N·m/rad: 0.01.
 pub const KP_STEP_NM_RAD: f32 = 1.0 / KP_STEPS;
 /// Largest proportional gain, N·m/rad.
-pub const MAX_KP_NM_RAD: f32 = 655.0;
+pub const MAX_KP_NM_RAD: f32 = 50_000.0;
 /// Step of the damping gain, N·m·s/rad: 0.001.
 pub const KD_STEP_NM_S_RAD: f32 = 1.0 / KD_STEPS;
 /// Largest damping gain, N·m·s/rad.
-pub const MAX_KD_NM_S_RAD: f32 = 65.0;
+pub const MAX_KD_NM_S_RAD: f32 = 5000.0;
 
 const CONTROL: u16 = 0x080;
 const JOINT_SETPOINT: u16 = 0x100;
 const FEEDBACK: u16 = 0x180;
 const WHEEL_SETPOINT: u16 = 0x200;
-const JOINT_TORQUE_SETPOINT: u16 = 0x280;
-const WHEEL_TORQUE_SETPOINT: u16 = 0x300;
-
-// Steps of a unit. Whole numbers, so that `steps / STEPS` is the nearest f32 to the decimal value.
-pub(crate) const POSITION_STEPS: f32 = 5000.0;
-pub(crate) const SPEED_STEPS: f32 = 500.0;
-const WHEEL_SPEED_STEPS: f32 = 10_000.0;
-pub(crate) const TORQUE_STEPS: f32 = 200.0;
-const KP_STEPS: f32 = 100.0;
-const KD_STEPS: f32 = 1000.0;
-
-/// Nearest number of steps; `None` if `value` is NaN, or beyond ±`most` steps.
-fn steps(value: f32, per_unit: f32, most: i32) -> Option<i32> {
-    let exact = value * per_unit;
-    // Saturating casts. A NaN becomes 0 and fails the comparison.
-    let nearest = if exact < 0.0 { exact - 0.5 } else { exact + 0.5 } as i32;
-    (exact.abs() < most as f32 + 0.5 && nearest >= -most && nearest <= most).then_some(nearest)
-}
-
-fn i16_steps(value: f32, per_unit: f32) -> Option<i16> {
-    steps(value, per_unit, i32::from(i16::MAX)).map(|s| s as i16)
-}
-
-fn u16_steps(value: f32, per_unit: f32) -> Option<u16> {
-    steps(value, per_unit, i32::from(u16::MAX)).and_then(|s| u16::try_from(s).ok())
-}
-
-/// Encodes a measurement. Values beyond the scale saturate, since a measurement is always reported. NaN becomes 0.
-pub(crate) fn measured(value: f32, per_unit: f32) -> i16 {
-    let most = f32::from(i16::MAX);
-    let exact = (value * per_unit).clamp(-most, most);
-    if exact < 0.0 { (exact - 0.5) as i16 } else { (exact + 0.5) as i16 }.max(-i16::MAX)
-}
-
-/// Decodes a signed value; `None` for the invalid code −32768.
-pub(crate) fn signed(low: u8, high: u8, per_unit: f32) -> Option<f32> {
-    let raw = i16::from_le_bytes([low, high]);
-    (raw != i16::MIN).then(|| f32::from(raw) / per_unit)
-}
-
-fn unsigned(low: u8, high: u8, per_unit: f32) -> f32 {
-    f32::from(u16::from_le_bytes([low, high])) / per_unit
-}
+/// Set-points of joints with torque, and wide.
+const JOINT_TORQUE_SETPOINTS: [u16; 2] = [0x280, 0x380];
+/// Set-points of wheels with torque, and wide.
+const WHEEL_TORQUE_SETPOINTS: [u16; 2] = [0x300, 0x400];
+const WIDE_FEEDBACK: u16 = 0x480;
 
 fn address(base: u16, id: u8) -> Option<u16> {
     (id <= MAX_ID).then(|| base | u16::from(id))
@@ -106,58 +86,57 @@ fn split<const N: usize>(frame: &Frame, base: u16) -> Option<(u8, [u8; N])> {
     of_kind.then_some(((id & u16::from(MAX_ID)) as u8, data))
 }
 
-// Steps of a unit in setpoints with torque.
-const COARSE_SPEED_STEPS: f32 = 125.0;
-const SHORT_KP_STEPS: f32 = 1000.0;
-const SHORT_KD_STEPS: f32 = 10_000.0;
-const SHORT_TORQUE_STEPS: f32 = 1000.0;
-/// Offset between the upper 16 bits of an `f32` and a short code. The upper bits of 128.0 map to the code 128, whose exponent
-/// is 1.
-const SHORT_BIAS: u32 = (134 << 7) - 128;
-const SHORT_MOST: u32 = (1 << 11) - 1;
-
-/// Encodes a non-negative value in an 11-bit short code: exponent e in the upper 4 bits, mantissa m in the lower 7. The code
-/// stands for m steps if e = 0, otherwise for `(128 + m) · 2^(e−1)` steps. The rounding error is at most half a step below 128
-/// steps, and 1/256 of the value above.
-// One copy in the image instead of one at each call; likewise below.
-#[inline(never)]
-fn short(value: f32, per_unit: f32, rounding: u32) -> Option<u64> {
-    let steps = value * per_unit;
-    let code = if steps < 128.0 {
-        // A negative number and a NaN become 0, and are refused below.
-        (steps + rounding as f32 / 65536.0) as u32
-    } else {
-        (steps.to_bits().saturating_add(rounding) >> 16).saturating_sub(SHORT_BIAS)
+/// Encodes a set-point with torque: `low` in the lowest 30 bits, then short codes of `first`, kd and torque. The frame is wide if
+/// the torque is 0 or a value beyond the scale. `first` returns its code with steps wider by a ratio.
+fn torque_frame(
+    id: u8,
+    [narrow, wide]: [u16; 2],
+    low: u64,
+    first: &dyn Fn(f32) -> Option<u64>,
+    (kd_nm_s_rad, torque_nm): (f32, f32),
+) -> Option<Frame> {
+    let word = |wider: f32| {
+        let kd = short(kd_nm_s_rad, SHORT_KD_STEPS / wider, NEAREST)?;
+        let torque = short_torque(torque_nm, SHORT_TORQUE_STEPS / wider)?;
+        Some(low | first(wider)? << 30 | kd << 41 | torque << 52)
     };
-    (value >= 0.0 && code <= SHORT_MOST).then_some(u64::from(code))
+    let (base, word) = match word(1.0).filter(|&word| has_torque(word)) {
+        Some(word) => (narrow, word),
+        None => (wide, word(WIDER)?),
+    };
+    Some(Frame::known(address(base, id)?, word.to_le_bytes()))
 }
 
-const NEAREST: u32 = 1 << 15;
-/// Rounding term that rounds a limit down, except for the rounding error of the product.
-const DOWN: u32 = 1 << 6;
+/// Least short code of a wide frame that does not fit a frame with torque: 2¹⁸ steps.
+const LEAST_WIDE: u64 = 12 << 7;
+/// Least codes of kp or kd, and of a torque limit, that do not fit a frame without torque: 655.36 N·m/rad, 65.536 N·m·s/rad and
+/// 327.68 N·m.
+const LEAST_WIDE_GAIN: u64 = 9 << 7 | 32;
+const LEAST_WIDE_LIMIT: u64 = 8 << 7 | 32;
 
-fn from_short(code: u64, per_unit: f32) -> f32 {
-    let code = code as u32 & SHORT_MOST;
-    let steps = if code < 128 { code as f32 } else { f32::from_bits((code + SHORT_BIAS) << 16) };
-    steps / per_unit
+/// Address and word of a set-point with torque, and the ratio of its steps to those of a narrow frame. `None` for a frame that is
+/// never sent: a narrow one whose torque is 0, a wide one whose values fit another frame, or a torque of −0. `least` is the least
+/// first code of a wide frame without torque.
+fn torque_word(frame: &Frame, [narrow, wide]: [u16; 2], least: u64) -> Option<(u8, u64, f32)> {
+    let (id, bytes, wider) = match split(frame, narrow) {
+        Some((id, bytes)) => (id, bytes, 1.0),
+        None => split(frame, wide).map(|(id, bytes)| (id, bytes, WIDER))?,
+    };
+    let word = u64::from_le_bytes(bytes);
+    let code = |at: u32| (word >> at) & u64::from(SHORT_MOST);
+    let is_sent = if wider == 1.0 {
+        has_torque(word)
+    } else if has_torque(word) {
+        [30, 41, 52].into_iter().any(|at| code(at) >= LEAST_WIDE)
+    } else {
+        word >> 63 == 0 && (code(30) >= least || code(41) >= LEAST_WIDE_GAIN)
+    };
+    is_sent.then_some((id, word, wider))
 }
 
-/// Encodes a torque in 12 bits: the sign in the highest bit, a short code in the others. `Some(0)` if the torque rounds to 0.
-fn short_torque(torque_nm: f32) -> Option<u64> {
-    let code = short(torque_nm.abs(), SHORT_TORQUE_STEPS, NEAREST)?;
-    Some(if torque_nm < 0.0 && code > 0 { 1 << 11 | code } else { code })
-}
-
-/// Decodes the last 34 bits of a set-point with torque. Returns the short code of kp or of the torque limit, the short code of
-/// kd, and the torque in N·m. `None` if the torque is 0, which such a frame never contains.
-fn torque_setpoint(word: u64) -> Option<(u64, u64, f32)> {
-    let (first, kd, torque) = (word >> 30, word >> 41, word >> 52);
-    let torque_nm = from_short(torque, SHORT_TORQUE_STEPS);
-    (torque_nm != 0.0).then_some((
-        first,
-        kd,
-        if torque >> 11 != 0 { -torque_nm } else { torque_nm },
-    ))
+/// True if the torque in the highest 12 bits is not 0.
+fn has_torque(word: u64) -> bool {
+    word >> 52 & u64::from(SHORT_MOST) != 0
 }
 
 /// Set-point of a joint's servo: torque = kp (q* − q) + kd (q̇* − q̇) + τ, limited by the servo.
@@ -183,41 +162,41 @@ impl JointSetpoint {
     /// Layout with torque: `[position i16 0.2 mrad][velocity i14 8 mrad/s][kp 11][kd 11][torque 12]`, from the lowest bit of
     /// the first byte up. Gains and torque are short codes with steps of 1 mN·m/rad, 0.1 mN·m·s/rad and 1 mN·m.
     ///
+    /// A wide frame has the layout with torque, but gains and torque in steps 16 times as large, and possibly a torque of 0. It
+    /// is sent if kp, kd or torque are beyond the scale of the other frames.
+    ///
     /// `None` if a value is NaN or beyond its scale, or if `id` is above [`MAX_ID`].
     pub fn encode(&self, id: u8) -> Option<Frame> {
         let position = i16_steps(self.position_rad, POSITION_STEPS)?;
-        let torque = short_torque(self.torque_nm)?;
-        if torque != 0 {
-            let velocity = steps(self.velocity_rad_s, COARSE_SPEED_STEPS, (1 << 13) - 1)?;
-            let word = u64::from(position as u16)
-                | u64::from(velocity as u32 & 0x3FFF) << 16
-                | short(self.kp_nm_rad, SHORT_KP_STEPS, NEAREST)? << 30
-                | short(self.kd_nm_s_rad, SHORT_KD_STEPS, NEAREST)? << 41
-                | torque << 52;
-            return Some(Frame::known(address(JOINT_TORQUE_SETPOINT, id)?, word.to_le_bytes()));
+        if short_torque(self.torque_nm, SHORT_TORQUE_STEPS) == Some(0)
+            && let Some(kp) = u16_steps(self.kp_nm_rad, KP_STEPS)
+            && let Some(kd) = u16_steps(self.kd_nm_s_rad, KD_STEPS)
+        {
+            let [p0, p1] = position.to_le_bytes();
+            let [v0, v1] = i16_steps(self.velocity_rad_s, SPEED_STEPS)?.to_le_bytes();
+            let ([kp0, kp1], [kd0, kd1]) = (kp.to_le_bytes(), kd.to_le_bytes());
+            let id = address(JOINT_SETPOINT, id)?;
+            return Some(Frame::known(id, [p0, p1, v0, v1, kp0, kp1, kd0, kd1]));
         }
-        let [p0, p1] = position.to_le_bytes();
-        let [v0, v1] = i16_steps(self.velocity_rad_s, SPEED_STEPS)?.to_le_bytes();
-        let [kp0, kp1] = u16_steps(self.kp_nm_rad, KP_STEPS)?.to_le_bytes();
-        let [kd0, kd1] = u16_steps(self.kd_nm_s_rad, KD_STEPS)?.to_le_bytes();
-        let id = address(JOINT_SETPOINT, id)?;
-        Some(Frame::known(id, [p0, p1, v0, v1, kp0, kp1, kd0, kd1]))
+        let velocity = steps(self.velocity_rad_s, COARSE_SPEED_STEPS, (1 << 13) - 1)?;
+        let low = u64::from(position as u16) | u64::from(velocity as u32 & 0x3FFF) << 16;
+        let kp = |wider| short(self.kp_nm_rad, SHORT_KP_STEPS / wider, NEAREST);
+        torque_frame(id, JOINT_TORQUE_SETPOINTS, low, &kp, (self.kd_nm_s_rad, self.torque_nm))
     }
 
     /// Decodes address and set-point; `None` for any other frame.
     pub fn decode(frame: &Frame) -> Option<(u8, Self)> {
-        if let Some((id, [p0, p1, rest @ ..])) = split::<8>(frame, JOINT_TORQUE_SETPOINT) {
-            let [r0, r1, r2, r3, r4, r5] = rest;
-            let word = u64::from_le_bytes([p0, p1, r0, r1, r2, r3, r4, r5]);
+        if let Some((id, word, wider)) = torque_word(frame, JOINT_TORQUE_SETPOINTS, LEAST_WIDE_GAIN)
+        {
+            let [p0, p1, ..] = word.to_le_bytes();
             // The two highest bits of 16 are the sign's.
             let velocity = ((word >> 14) as i16) >> 2;
-            let (kp, kd, torque_nm) = torque_setpoint(word)?;
             let setpoint = Self {
                 position_rad: signed(p0, p1, POSITION_STEPS)?,
                 velocity_rad_s: f32::from(velocity) / COARSE_SPEED_STEPS,
-                kp_nm_rad: from_short(kp, SHORT_KP_STEPS),
-                kd_nm_s_rad: from_short(kd, SHORT_KD_STEPS),
-                torque_nm,
+                kp_nm_rad: from_short(word >> 30, SHORT_KP_STEPS / wider),
+                kd_nm_s_rad: from_short(word >> 41, SHORT_KD_STEPS / wider),
+                torque_nm: signed_short(word >> 52, SHORT_TORQUE_STEPS / wider),
             };
             return (velocity != -1 << 13).then_some((id, setpoint));
         }
@@ -252,37 +231,37 @@ impl WheelSetpoint {
     /// Layout without torque: `[speed i32 0.1 mrad/s][kd u16 0.001 N·m·s/rad][torque limit u16 5 mN·m]`.
     ///
     /// Layout with torque: `[speed i30 0.1 mrad/s][torque limit 11][kd 11][torque 12]`, with short codes like those of a joint.
-    /// The torque limit is rounded down.
+    /// The torque limit is rounded down. A wide frame differs as a joint's does.
     ///
     /// `None` if a value is NaN or beyond its scale, or if `id` is above [`MAX_ID`].
     pub fn encode(&self, id: u8) -> Option<Frame> {
-        let torque = short_torque(self.torque_nm)?;
-        if torque != 0 {
-            let speed = steps(self.speed_rad_s, WHEEL_SPEED_STEPS, (1 << 29) - 1)?;
-            let word = u64::from(speed as u32 & 0x3FFF_FFFF)
-                | short(self.torque_limit_nm, SHORT_TORQUE_STEPS, DOWN)? << 30
-                | short(self.kd_nm_s_rad, SHORT_KD_STEPS, NEAREST)? << 41
-                | torque << 52;
-            return Some(Frame::known(address(WHEEL_TORQUE_SETPOINT, id)?, word.to_le_bytes()));
+        if short_torque(self.torque_nm, SHORT_TORQUE_STEPS) == Some(0)
+            && let Some(kd) = u16_steps(self.kd_nm_s_rad, KD_STEPS)
+            && let Some(limit) = u16_steps(self.torque_limit_nm, TORQUE_STEPS)
+        {
+            let [s0, s1, s2, s3] =
+                steps(self.speed_rad_s, WHEEL_SPEED_STEPS, i32::MAX)?.to_le_bytes();
+            let ([kd0, kd1], [t0, t1]) = (kd.to_le_bytes(), limit.to_le_bytes());
+            let id = address(WHEEL_SETPOINT, id)?;
+            return Some(Frame::known(id, [s0, s1, s2, s3, kd0, kd1, t0, t1]));
         }
-        let [s0, s1, s2, s3] = steps(self.speed_rad_s, WHEEL_SPEED_STEPS, i32::MAX)?.to_le_bytes();
-        let [kd0, kd1] = u16_steps(self.kd_nm_s_rad, KD_STEPS)?.to_le_bytes();
-        let [t0, t1] = u16_steps(self.torque_limit_nm, TORQUE_STEPS)?.to_le_bytes();
-        let id = address(WHEEL_SETPOINT, id)?;
-        Some(Frame::known(id, [s0, s1, s2, s3, kd0, kd1, t0, t1]))
+        let speed = steps(self.speed_rad_s, WHEEL_SPEED_STEPS, (1 << 29) - 1)?;
+        let low = u64::from(speed as u32 & 0x3FFF_FFFF);
+        let limit = |wider| short(self.torque_limit_nm, SHORT_TORQUE_STEPS / wider, DOWN);
+        torque_frame(id, WHEEL_TORQUE_SETPOINTS, low, &limit, (self.kd_nm_s_rad, self.torque_nm))
     }
 
     /// Decodes address and set-point; `None` for any other frame.
     pub fn decode(frame: &Frame) -> Option<(u8, Self)> {
-        if let Some((id, bytes)) = split(frame, WHEEL_TORQUE_SETPOINT) {
-            let word = u64::from_le_bytes(bytes);
+        if let Some((id, word, wider)) =
+            torque_word(frame, WHEEL_TORQUE_SETPOINTS, LEAST_WIDE_LIMIT)
+        {
             let speed = (word as i32) << 2 >> 2;
-            let (limit, kd, torque_nm) = torque_setpoint(word)?;
             let setpoint = Self {
                 speed_rad_s: speed as f32 / WHEEL_SPEED_STEPS,
-                kd_nm_s_rad: from_short(kd, SHORT_KD_STEPS),
-                torque_limit_nm: from_short(limit, SHORT_TORQUE_STEPS),
-                torque_nm,
+                kd_nm_s_rad: from_short(word >> 41, SHORT_KD_STEPS / wider),
+                torque_limit_nm: from_short(word >> 30, SHORT_TORQUE_STEPS / wider),
+                torque_nm: signed_short(word >> 52, SHORT_TORQUE_STEPS / wider),
             };
             return (speed != -1 << 29).then_some((id, setpoint));
         }
@@ -394,23 +373,30 @@ pub struct Feedback {
 }
 
 impl Feedback {
-    /// Encodes `[position i16 0.2 mrad][velocity i16 2 mrad/s][torque i16 5 mN·m][status u8][counter u8]`. Measurements beyond
-    /// their scale saturate. `None` if `id` is above [`MAX_ID`].
+    /// Encodes `[position i16 0.2 mrad][velocity i16 2 mrad/s][torque i16 5 mN·m][status u8][counter u8]`, or in a wide frame
+    /// `[position i16][velocity i20 2 mrad/s][torque 12][status u8][counter u8]`, whose torque is a short code with a sign and
+    /// steps of 16 mN·m. The frame is wide if speed or torque are beyond the narrow scale. Measurements beyond the wide scale
+    /// saturate. `None` if `id` is above [`MAX_ID`].
     pub fn encode(&self, id: u8) -> Option<Frame> {
         let [p0, p1] = measured(self.position_rad, POSITION_STEPS).to_le_bytes();
-        let [v0, v1] = measured(self.velocity_rad_s, SPEED_STEPS).to_le_bytes();
-        let [t0, t1] = measured(self.torque_nm, TORQUE_STEPS).to_le_bytes();
+        let (base, [v0, v1, t0, t1]) = measurement(self.velocity_rad_s, self.torque_nm)
+            .map_or_else(|wide| (WIDE_FEEDBACK, wide), |narrow| (FEEDBACK, narrow));
         let data = [p0, p1, v0, v1, t0, t1, self.status.0, self.counter];
-        Some(Frame::known(address(FEEDBACK, id)?, data))
+        Some(Frame::known(address(base, id)?, data))
     }
 
     /// Decodes address and feedback; `None` for any other frame.
     pub fn decode(frame: &Frame) -> Option<(u8, Self)> {
-        let (id, [p0, p1, v0, v1, t0, t1, status, counter]) = split(frame, FEEDBACK)?;
+        let (is_wide, (id, [p0, p1, v0, v1, t0, t1, status, counter])) =
+            match split(frame, FEEDBACK) {
+                Some(narrow) => (false, narrow),
+                None => (true, split(frame, WIDE_FEEDBACK)?),
+            };
+        let (velocity_rad_s, torque_nm) = from_measurement([v0, v1, t0, t1], is_wide)?;
         let feedback = Self {
             position_rad: signed(p0, p1, POSITION_STEPS)?,
-            velocity_rad_s: signed(v0, v1, SPEED_STEPS)?,
-            torque_nm: signed(t0, t1, TORQUE_STEPS)?,
+            velocity_rad_s,
+            torque_nm,
             status: ActuatorStatus(status),
             counter,
         };

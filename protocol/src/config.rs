@@ -10,8 +10,23 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Maximum number of joints and actuated wheels of a controller.
+/// Maximum number of joints and actuated wheels of a controller: 64 with the feature `many-channels`, else 24, which saves
+/// memory and code.
+#[cfg(feature = "many-channels")]
+pub const MAX_CHANNELS: usize = 64;
+/// Maximum number of joints and actuated wheels of a controller: 64 with the feature `many-channels`, else 24, which saves
+/// memory and code.
+#[cfg(not(feature = "many-channels"))]
 pub const MAX_CHANNELS: usize = 24;
+
+/// Set of channels, a bit each.
+#[cfg(feature = "many-channels")]
+pub type ChannelBits = u64;
+/// Set of channels, a bit each.
+#[cfg(not(feature = "many-channels"))]
+pub type ChannelBits = u32;
+
+const _: () = assert!(MAX_CHANNELS <= ChannelBits::BITS as usize, "a bit for each channel");
 
 /// Configuration of a robot: its joints in file order, then its actuated wheels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -131,7 +146,7 @@ impl Channel {
                 (actuator::MAX_POSITION_RAD, "within ±6.5 rad, the scale of a setpoint")
             }
             ChannelKind::WheelSpeed => {
-                (actuator::MAX_SPEED_RAD_S, "within ±65 rad/s, the scale of a feedback")
+                (actuator::MAX_WHEEL_SPEED_RAD_S, "within ±1000 rad/s, the scale of a feedback")
             }
         };
         let within = |x: f32| x >= -reach && x <= reach;
@@ -155,13 +170,13 @@ impl Channel {
             return Some(("max_rate", self.max_rate, "above 0; for a joint at most 65 rad/s"));
         }
         if !(self.max_torque_nm > 0.0 && up_to(self.max_torque_nm, actuator::MAX_TORQUE_NM)) {
-            return Some(("max_torque_nm", self.max_torque_nm, "above 0 and at most 160 N·m"));
+            return Some(("max_torque_nm", self.max_torque_nm, "above 0 and at most 20000 N·m"));
         }
         if !up_to(self.kp_nm_rad, actuator::MAX_KP_NM_RAD) {
-            return Some(("kp_nm_rad", self.kp_nm_rad, "0 to 655 N·m/rad"));
+            return Some(("kp_nm_rad", self.kp_nm_rad, "0 to 50000 N·m/rad"));
         }
         if !up_to(self.kd_nm_s_rad, actuator::MAX_KD_NM_S_RAD) {
-            return Some(("kd_nm_s_rad", self.kd_nm_s_rad, "0 to 65 N·m·s/rad"));
+            return Some(("kd_nm_s_rad", self.kd_nm_s_rad, "0 to 5000 N·m·s/rad"));
         }
         if self.id > actuator::MAX_ID {
             return Some(("id", f32::from(self.id), "0 to 127"));

@@ -10,6 +10,7 @@ LINE = re.compile(r"\((\d+\.\d+)\) (\S+) ([0-9A-F]{3})#([0-9A-F]*)")
 # States in which the motors may have torque (docs/playback-and-safety.md).
 TORQUE = {wire.STATES.index(state) for state in "Aligning Ready Playing Paused Returning Damped Streaming".split()}
 CONTROL, JOINT, WHEEL, JOINT_TORQUE, WHEEL_TORQUE = 0x080, 0x100, 0x200, 0x280, 0x300
+WIDE_JOINT, WIDE_WHEEL = 0x380, 0x400
 # STATUS reports a change of state; the frame waits for the bus.
 STATUS_LATE_S = 0.1
 # The frame that enables a motor is shorter than the answer to ARM, and may complete first.
@@ -52,12 +53,13 @@ def setpoint(identifier, data):
         speed, kd, limit = struct.unpack("<iHH", data)
         return address, speed * 1e-4, 0.0, kd * 1e-3, limit * 5e-3, True
     bits = int.from_bytes(data, "little")
-    torque = _short(bits >> 52) * 1e-3
-    if kind == JOINT_TORQUE:
-        kp, kd = _short(bits >> 30) * 1e-3, _short(bits >> 41) * 1e-4
+    wider = 16 if kind in (WIDE_JOINT, WIDE_WHEEL) else 1
+    torque = _short(bits >> 52) * 1e-3 * wider
+    if kind in (JOINT_TORQUE, WIDE_JOINT):
+        kp, kd = _short(bits >> 30) * 1e-3 * wider, _short(bits >> 41) * 1e-4 * wider
         return address, _signed(bits & 0xFFFF, 16) * 2e-4, kp, kd, torque, False
-    if kind == WHEEL_TORQUE:
-        limit, kd = _short(bits >> 30) * 1e-3, _short(bits >> 41) * 1e-4
+    if kind in (WHEEL_TORQUE, WIDE_WHEEL):
+        limit, kd = _short(bits >> 30) * 1e-3 * wider, _short(bits >> 41) * 1e-4 * wider
         return address, _signed(bits & (1 << 30) - 1, 30) * 1e-4, 0.0, kd, max(limit, torque), True
     return None
 

@@ -59,8 +59,45 @@ struct ImportOutput<'a> {
     warnings: &'a [String],
 }
 
+/// Models of other programs by the ends of their names: what the file is, and how to convert it. SDF and Xacro are text, and are
+/// recognised by their content, too.
+const FOREIGN: [(&[&str], &str, &str); 4] = [
+    (
+        &["usd", "usda", "usdc", "usdz"],
+        "a USD scene",
+        "export the robot as URDF or MJCF, in Isaac Sim with File > Export",
+    ),
+    (
+        &["wbt", "proto"],
+        "a model of Webots",
+        "export the robot as URDF: in Webots, right-click it in the scene tree and select Export URDF",
+    ),
+    (
+        &["stl", "obj", "dae", "gltf", "glb", "step", "stp"],
+        "a mesh or drawing without joints",
+        "give the URDF or MJCF file that refers to it",
+    ),
+    (
+        &["mjb"],
+        "a compiled model of MuJoCo",
+        "give its XML, which `mj_saveLastXML` of the Python package mujoco writes",
+    ),
+];
+
+/// Rejects models of other programs, which may not even be text.
+fn reject_foreign(path: &Path) -> miette::Result<()> {
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    match FOREIGN.iter().find(|(extensions, ..)| extensions.contains(&extension.as_str())) {
+        Some((_, what, help)) => {
+            Err(miette!(help = *help, "{} is {what}, not a URDF or MJCF file", path.display()))
+        }
+        None => Ok(()),
+    }
+}
+
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
+    reject_foreign(&args.urdf)?;
     let urdf = files::read_text(&args.urdf, Kind::Urdf)?;
     Kind::Urdf.expect(&args.urdf, &urdf)?;
     let urdf_name = args.urdf.to_string_lossy();
@@ -164,4 +201,27 @@ fn survey_text(survey: &Survey) -> String {
         let _ = write!(text, "\nstanding height of `{}`: {height:.3} m", survey.root);
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn models_of_other_programs_are_named_with_their_conversion() {
+        for (name, what, help) in [
+            ("go2.usda", "USD scene", "Isaac Sim"),
+            ("GO2.USDC", "USD scene", "Isaac Sim"),
+            ("worlds/a.wbt", "Webots", "Export URDF"),
+            ("shank.STL", "mesh", "URDF or MJCF file that refers"),
+            ("go2.mjb", "compiled", "mj_saveLastXML"),
+        ] {
+            let error = reject_foreign(Path::new(name)).unwrap_err();
+            assert!(error.to_string().contains(what), "{error}");
+            assert!(error.help().unwrap().to_string().contains(help), "{error:?}");
+        }
+        for name in ["go2.urdf", "go2.xml", "go2.sdf", "go2.urdf.xacro", "go2"] {
+            reject_foreign(Path::new(name)).unwrap();
+        }
+    }
 }

@@ -6,7 +6,7 @@ use rollwalk_protocol::actuators::serial::ReceiveBuffer;
 use rollwalk_protocol::actuators::{ActuatorCommand, Answers, Capabilities, UpdatePolicy};
 use rollwalk_protocol::config::{Channel, RobotConfig};
 
-use crate::channel_bits::bit;
+use crate::channel_bits::{ChannelBits, bit};
 
 use super::actuator::{Actuator, FRESH_TICKS};
 use super::orders::{self, DriveRequest};
@@ -31,7 +31,7 @@ pub enum Content {
 pub struct Transmission {
     pub content: Content,
     /// Addressed actuators, a bit for each channel.
-    pub channels: u32,
+    pub channels: ChannelBits,
     /// Number of frames sent.
     pub sent: u8,
 }
@@ -42,7 +42,7 @@ pub struct BusDriver {
     pub bus: Bus,
     pub can: Capabilities,
     /// Channels on this bus, a bit each.
-    members: u32,
+    members: ChannelBits,
     /// Channel at which the next search for a set-point begins. Advancing it makes a slow bus serve all channels in turn.
     next: usize,
     pub transmission: Option<Transmission>,
@@ -95,7 +95,7 @@ impl BusDriver {
         channels(self.members).find(|&i| config.channels.get(i).is_some_and(|c| c.id == id))
     }
 
-    pub fn members(&self) -> u32 {
+    pub fn members(&self) -> ChannelBits {
         self.members
     }
 
@@ -141,7 +141,7 @@ impl BusDriver {
 
     /// Channels on this bus in ascending order, beginning at `first` and wrapping around.
     fn turns(&self, first: usize) -> impl Iterator<Item = usize> + use<> {
-        let after = u32::MAX.checked_shl(first as u32).unwrap_or(0);
+        let after = ChannelBits::MAX.checked_shl(first as u32).unwrap_or(0);
         channels(self.members & after).chain(channels(self.members & !after))
     }
 
@@ -201,7 +201,7 @@ impl BusDriver {
 }
 
 /// Iterates over the channels whose bit is set, in ascending order.
-pub fn channels(mut bits: u32) -> impl Iterator<Item = usize> {
+pub fn channels(mut bits: ChannelBits) -> impl Iterator<Item = usize> {
     core::iter::from_fn(move || {
         let first = (bits != 0).then_some(bits.trailing_zeros() as usize);
         bits &= bits.wrapping_sub(1);

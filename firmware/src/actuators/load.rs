@@ -4,7 +4,7 @@
 
 use rollwalk_protocol::actuators::bus::{Bus, Buses, MAX_BUSES};
 use rollwalk_protocol::actuators::traffic::Overload;
-use rollwalk_protocol::actuators::{Refusal, Traffic};
+use rollwalk_protocol::actuators::{MAX_ON_LINE, Refusal, Traffic};
 use rollwalk_protocol::config::{MAX_CHANNELS, RobotConfig};
 
 use super::actuator::FRESH_TICKS;
@@ -31,6 +31,8 @@ pub struct BusLoad {
 pub enum BusProblem {
     /// Bus number of [`MAX_BUSES`] or more, which no controller has.
     NoSuchBus,
+    /// More than [`MAX_ON_LINE`] servos on a serial line.
+    TooMany,
     /// Traffic above the capacity of the bus.
     Overload(Overload),
     /// Cyclic feedback at a lower rate than the controller requires.
@@ -87,16 +89,18 @@ pub fn loads<'a>(
             actuators,
             traffic,
             load: traffic.load(hz, bit_rate),
-            problem: problem(bus, &kind, control_hz).or_else(overload),
+            problem: problem(bus, &kind, actuators, control_hz).or_else(overload),
         })
     })
 }
 
 /// Finds a problem of a bus other than overload.
-fn problem(bus: u8, kind: &Bus, control_hz: u16) -> Option<BusProblem> {
+fn problem(bus: u8, kind: &Bus, actuators: u32, control_hz: u16) -> Option<BusProblem> {
     let needed_hz = u32::from(control_hz).div_ceil(u32::from(FRESH_TICKS));
     if usize::from(bus) >= MAX_BUSES {
         Some(BusProblem::NoSuchBus)
+    } else if kind.protocol.is_serial() && actuators > MAX_ON_LINE as u32 {
+        Some(BusProblem::TooMany)
     } else if kind.protocol.feedback_hz().is_some_and(|feedback_hz| feedback_hz < needed_hz) {
         Some(BusProblem::TooSeldom { needed_hz })
     } else {

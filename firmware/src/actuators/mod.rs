@@ -21,7 +21,7 @@ use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS, RobotConfig}
 
 use rollwalk_protocol::wire::Parameter;
 
-use crate::channel_bits::bit;
+use crate::channel_bits::{ChannelBits, bit};
 use crate::limiter::Target;
 
 mod actuator;
@@ -64,7 +64,7 @@ pub struct Actuators {
     /// set-points are sent during tuning.
     turn: usize,
     /// Channels whose actuators accept torque commands, a bit each.
-    torque_takers: u32,
+    torque_takers: ChannelBits,
 }
 
 impl Actuators {

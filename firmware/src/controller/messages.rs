@@ -2,6 +2,7 @@
 
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::config::MAX_CHANNELS;
 use rollwalk_protocol::faults::{Event, Fault, FaultBits};
 use rollwalk_protocol::library::{FORMAT_MAJOR, FORMAT_MINOR, NodeId};
 use rollwalk_protocol::wire::authentication::request_id;
@@ -26,6 +27,11 @@ use crate::tuning::{self, Robot};
 
 /// Lowest rate of samples of a tracked robot, Hz.
 const SLOWEST_HZ: u16 = 20;
+
+/// Largest number of frames a second of a tracked robot's link: 95 % of 1 Mbit/s, with 8 bytes and most stuffing bits each.
+const MOST_LINK_FRAMES: u32 = 7000;
+/// Frames of a sample and its answer beside those of the channels.
+const SAMPLE_FRAMES: u32 = 4;
 
 /// Values acknowledged with an accepted command: the motion, and a nonce or a number of frames.
 type AcknowledgedValues = (Option<NodeId>, u16);
@@ -316,6 +322,12 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         let mut periods = control_hz.checked_div(rate_hz).unwrap_or(1).max(1);
         while periods > 1 && !control_hz.is_multiple_of(periods) {
             periods -= 1;
+        }
+        let channels = config.channels.len().min(MAX_CHANNELS) as u32;
+        let frames = channels.saturating_mul(2).saturating_add(SAMPLE_FRAMES);
+        let taken_hz = u32::from(control_hz.checked_div(periods).unwrap_or(control_hz));
+        if frames.saturating_mul(taken_hz) > MOST_LINK_FRAMES {
+            return Err(CommandResult::BadTracking);
         }
         Ok(Tracking { periods, parts: percent.map(|part| f32::from(part) / 100.0) })
     }

@@ -21,16 +21,27 @@ use rollwalk_protocol::crc::crc32c;
 use rollwalk_protocol::wire::Parameter;
 
 use super::log::Log;
-use super::record::Record;
+use super::record::{RECORD_LEN, Record};
 use super::{GeometryError, StoreError};
 
 /// Number of parameters of a channel.
 pub(crate) const PARAMETERS: usize = Parameter::MaxTorque as usize + 1;
 
-/// Length of a set, bytes: head, values, checksum, and padding to a multiple of 32 bytes, the largest write unit in use.
-pub(super) const SET_LEN: usize = 320;
+/// Length of a set, bytes: head, values, checksum, and padding to a multiple of 32 bytes, the largest write unit in use. Robots
+/// with up to 24 channels have short sets.
+pub const SET_LEN: usize = set_len(MAX_CHANNELS);
+const SHORT_CHANNELS: usize = 24;
+const LONG_CHANNELS: usize = 64;
 const MAGIC: u8 = 0xB3;
-const _: () = assert!(12 + 4 * PARAMETERS * MAX_CHANNELS + 8 <= SET_LEN, "a set fits");
+
+/// Length of the sets of a robot with this number of channels, bytes.
+pub const fn set_len(channels: usize) -> usize {
+    let channels = if channels <= SHORT_CHANNELS { SHORT_CHANNELS } else { LONG_CHANNELS };
+    // Saturates for the compiler, which checks the arithmetic of the firmware.
+    let (head, tail) = (12, 8);
+    let values = channels.saturating_mul(4 * PARAMETERS);
+    values.saturating_add(head + tail).next_multiple_of(RECORD_LEN)
+}
 
 /// Parameters of all channels and of the robot, and the configuration that they belong to.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,19 +77,19 @@ impl ParameterStore for NoParameters {
     }
 }
 
-/// Parameter store in NOR flash, which need not be mapped.
+/// Parameter store in NOR flash, which need not be mapped, with sets of `LEN` bytes: [`set_len`] of the robot's channels.
 #[derive(Debug)]
-pub struct FlashParameters<F> {
+pub struct FlashParameters<F, const LEN: usize = SET_LEN> {
     pub(super) flash: F,
     pub(super) log: Log,
 }
 
-impl<F: NorFlash> FlashParameters<F> {
+impl<F: NorFlash, const LEN: usize> FlashParameters<F, LEN> {
     /// Finds the saved set after a reset.
     ///
-    /// All of `flash` belongs to the store: at least three units of 320 bytes, each rounded up to whole erase units.
+    /// All of `flash` belongs to the store: at least three units of `LEN` bytes, each rounded up to whole erase units.
     pub fn mount(mut flash: F) -> Result<Self, GeometryError> {
-        let (log, _) = Log::mount::<SET_LEN, ParameterSet, F>(&mut flash)?;
+        let (log, _) = Log::mount::<LEN, ParameterSet, F>(&mut flash)?;
         Ok(Self { flash, log })
     }
 
@@ -88,27 +99,30 @@ impl<F: NorFlash> FlashParameters<F> {
     }
 }
 
-impl<F: NorFlash> ParameterStore for FlashParameters<F> {
+impl<F: NorFlash, const LEN: usize> ParameterStore for FlashParameters<F, LEN> {
     fn load(&mut self) -> Option<ParameterSet> {
-        let (log, set) = Log::mount(&mut self.flash).ok()?;
+        let (log, set) = Log::mount::<LEN, ParameterSet, F>(&mut self.flash).ok()?;
         self.log = log;
         set
     }
 
     fn save(&mut self, set: &ParameterSet) -> Result<(), StoreError> {
-        self.log.append(&mut self.flash, set)
+        if set_len(set.values.len()) > LEN {
+            return Err(StoreError::OutOfRange);
+        }
+        self.log.append::<LEN, F>(&mut self.flash, set)
     }
 }
 
-impl Record<SET_LEN> for ParameterSet {
-    fn encode(&self, generation: u32) -> [u8; SET_LEN] {
+impl<const LEN: usize> Record<LEN> for ParameterSet {
+    fn encode(&self, generation: u32) -> [u8; LEN] {
         // Firmware that does not know `feed_forward` reads a set in which it is 1.
         let has_feed_forward = self.feed_forward != 1.0;
         let head = [MAGIC, PARAMETERS as u8, self.values.len() as u8, u8::from(has_feed_forward)];
         let words = [generation, u32::from_le_bytes(head), self.config_hash];
         let feed_forward = has_feed_forward.then_some(&self.feed_forward);
         let values = self.values.iter().flatten().chain(feed_forward).map(|value| value.to_bits());
-        let mut bytes = [0; SET_LEN];
+        let mut bytes = [0; LEN];
         for (place, word) in bytes.chunks_exact_mut(4).zip(words.into_iter().chain(values)) {
             place.copy_from_slice(&word.to_le_bytes());
         }
@@ -118,7 +132,7 @@ impl Record<SET_LEN> for ParameterSet {
         bytes
     }
 
-    fn decode(bytes: &[u8; SET_LEN]) -> Option<(u32, Self)> {
+    fn decode(bytes: &[u8; LEN]) -> Option<(u32, Self)> {
         let (body, crc) = bytes.split_last_chunk::<4>()?;
         if crc32c(body).to_le_bytes() != *crc {
             return None;

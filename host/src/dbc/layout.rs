@@ -144,6 +144,12 @@ impl Layout {
         self
     }
 
+    /// Adds finished fields.
+    pub fn followed_by(mut self, others: Vec<Signal>) -> Self {
+        self.signals.extend(others);
+        self
+    }
+
     /// Sets the first bit of the next field.
     pub fn at(mut self, bit: u16) -> Self {
         self.at = bit;

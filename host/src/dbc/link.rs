@@ -104,7 +104,7 @@ impl Kind {
     }
 }
 
-fn kinds(names: Option<&RobotNames>) -> [Kind; 21] {
+fn kinds(names: Option<&RobotNames>) -> [Kind; 23] {
     let kind = |schema, class, number, len, from, comment, layout| {
         let (to_all, period_ms) = (false, 0);
         Kind { schema, class, number, len, from, to_all, period_ms, comment, layout }
@@ -169,7 +169,14 @@ fn kinds(names: Option<&RobotNames>) -> [Kind; 21] {
             fault(),
         ),
         from("command_ack", 3, 2, 7, "Answer to each command", command_ack()),
-        from("joint", 4, 0, 8, "Measurements of one channel; channels alternate", joint(names)),
+        from(
+            "joint",
+            4,
+            0,
+            8,
+            "Measurements of one channel; channels alternate",
+            joint(names, false),
+        ),
         kind(
             "setpoint",
             4,
@@ -177,7 +184,24 @@ fn kinds(names: Option<&RobotNames>) -> [Kind; 21] {
             8,
             Sender::Host,
             "Setpoint of one channel, streamed at 60 Hz or in answer to a sample",
-            setpoint(names),
+            setpoint(names, 5e-3),
+        ),
+        from(
+            "wide_joint",
+            4,
+            6,
+            8,
+            "Measurements of one channel beyond the scale of JOINT",
+            joint(names, true),
+        ),
+        kind(
+            "wide_setpoint",
+            4,
+            7,
+            8,
+            Sender::Host,
+            "Setpoint of one channel with a torque beyond the scale of SETPOINT",
+            setpoint(names, 0.5),
         ),
         from("gyro", 4, 2, 7, "Angular velocity of the root link, in its axes", imu(2e-3, "rad/s")),
         from(
@@ -313,15 +337,16 @@ fn channel(layout: Layout) -> Layout {
 ///
 /// Without a robot file, the channel number is a field next to the measurements, which any tool can read. With a robot file,
 /// the channel selects signals named after the joint, which tools plot by name.
-fn joint(names: Option<&RobotNames>) -> Layout {
+fn joint(names: Option<&RobotNames>, is_wide: bool) -> Layout {
     let layout = Layout::new().unsigned("channel", 8);
     let Some(names) = names else {
-        return servo::telemetry(layout.comment("Numbered as in the robot's configuration"));
+        let layout = layout.comment("Numbered as in the robot's configuration");
+        return layout.followed_by(servo::telemetry_of("", is_wide));
     };
     let names: Vec<_> = (0..).zip(names.identified()).map(|(i, (name, _))| (i, name)).collect();
     let mut layout = layout.names(names.clone()).selects();
     for (i, name) in names {
-        layout = layout.when(i, servo::telemetry_of(&name, 8));
+        layout = layout.when(i, servo::telemetry_of(&format!("{name}_"), is_wide));
     }
     layout
 }
@@ -371,7 +396,7 @@ fn sample() -> Layout {
 }
 
 /// Set-point of the host. With a robot file, the channel selects signals named after the joint.
-fn setpoint(names: Option<&RobotNames>) -> Layout {
+fn setpoint(names: Option<&RobotNames>, torque_step_nm: f64) -> Layout {
     let layout = Layout::sealed()
         .unsigned("frame", 8)
         .comment(
@@ -387,7 +412,7 @@ fn setpoint(names: Option<&RobotNames>) -> Layout {
         layout
             .steps(&format!("{prefix}value"), 24, 1e-4)
             .unit(unit)
-            .steps(&format!("{prefix}torque"), 16, 5e-3)
+            .steps(&format!("{prefix}torque"), 16, torque_step_nm)
             .unit("Nm")
             .comment("Feed-forward torque")
     };

@@ -43,7 +43,7 @@ pub(super) fn database(of: Option<(u8, &RobotNames)>) -> Database {
 
 fn messages(actuator: &Actuator, node: &str) -> Vec<Message> {
     let message = |schema, base: u16, len, comment, layout: Layout| {
-        let to = base != 0x180;
+        let to = base != 0x180 && base != 0x480;
         let (sender, receiver) = if to { ("controller", node) } else { (node, "controller") };
         Message {
             schema,
@@ -60,18 +60,29 @@ fn messages(actuator: &Actuator, node: &str) -> Vec<Message> {
     let mut messages = vec![
         message("control", 0x080, 1, "Switches torque off or on, or requests feedback", control()),
         message("feedback", 0x180, 8, "Answer to every CONTROL and setpoint", feedback()),
+        message(
+            "wide_feedback",
+            0x480,
+            8,
+            "Feedback beyond the scale of FEEDBACK",
+            wide_feedback(),
+        ),
     ];
     if actuator.is_wheel != Some(true) {
         let text = "Torque = kp (position - measured) + kd (velocity - measured)";
         messages.push(message("joint_setpoint", 0x100, 8, text, joint_setpoint()));
         let text = "Torque = kp (position - measured) + kd (velocity - measured) + torque";
-        messages.push(message("joint_torque_setpoint", 0x280, 8, text, joint_torque_setpoint()));
+        messages.push(message("joint_torque_setpoint", 0x280, 8, text, joint_torque_setpoint(1)));
+        let text = "Setpoint beyond the scales of the other frames";
+        messages.push(message("wide_joint_setpoint", 0x380, 8, text, joint_torque_setpoint(16)));
     }
     if actuator.is_wheel != Some(false) {
         let text = "Torque = kd (speed - measured)";
         messages.push(message("wheel_setpoint", 0x200, 8, text, wheel_setpoint()));
         let text = "Torque = kd (speed - measured) + torque";
-        messages.push(message("wheel_torque_setpoint", 0x300, 8, text, wheel_torque_setpoint()));
+        messages.push(message("wheel_torque_setpoint", 0x300, 8, text, wheel_torque_setpoint(1)));
+        let text = "Setpoint beyond the scales of the other frames";
+        messages.push(message("wide_wheel_setpoint", 0x400, 8, text, wheel_torque_setpoint(16)));
     }
     messages
 }
@@ -105,21 +116,34 @@ fn wheel_setpoint() -> Layout {
         .unit("Nm")
 }
 
-fn joint_torque_setpoint() -> Layout {
+/// Set-point of a joint with torque. Steps of gains and torque are `wider` times those of a narrow frame.
+fn joint_torque_setpoint(wider: u32) -> Layout {
     let layout = Layout::new().steps("position", 16, 2e-4).unit("rad");
     let layout = layout.steps("velocity", 14, 8e-3).unit("rad/s");
-    torque(short(layout, "kp", "mNm/rad"))
+    torque(short(layout, "kp", &format!("{wider} mNm/rad")), wider)
 }
 
-fn wheel_torque_setpoint() -> Layout {
+fn wheel_torque_setpoint(wider: u32) -> Layout {
     let layout = Layout::new().steps("speed", 30, 1e-4).unit("rad/s");
-    torque(short(layout, "torque_limit", "mNm"))
+    torque(short(layout, "torque_limit", &format!("{wider} mNm")), wider)
 }
 
 /// Adds the final fields of set-points with a torque.
-fn torque(layout: Layout) -> Layout {
-    let layout = short(short(layout, "kd", "0.1 mNms/rad"), "torque", "mNm");
+fn torque(layout: Layout, wider: u32) -> Layout {
+    let kd = format!("{} mNms/rad", f64::from(wider) / 10.0);
+    short_torque(short(layout, "kd", &kd), wider)
+}
+
+/// Adds a torque with a sign in steps of `mnm` mN·m.
+fn short_torque(layout: Layout, mnm: u32) -> Layout {
+    let layout = short(layout, "torque", &format!("{mnm} mNm"));
     layout.unsigned("torque_sign", 1).comment("1: negative")
+}
+
+fn wide_feedback() -> Layout {
+    let layout = short_torque(wide_pose(Layout::new()), 16);
+    let text = "Incremented with each feedback; an equal value marks a repeated frame";
+    layout.flags(8, status_flags(&[])).unsigned("counter", 8).comment(text)
 }
 
 /// Adds a floating-point number in steps of `unit`. Mantissa and exponent are two fields, because the value is not a multiple
@@ -137,26 +161,39 @@ fn short(layout: Layout, name: &str, unit: &str) -> Layout {
 
 /// Adds position and velocity.
 fn pose(layout: Layout) -> Layout {
-    layout
-        .steps("position", 16, 2e-4)
-        .unit("rad")
-        .comment("For a wheel from -pi to pi")
-        .steps("velocity", 16, 2e-3)
-        .unit("rad/s")
+    position(layout).steps("velocity", 16, 2e-3).unit("rad/s")
+}
+
+/// Adds position and velocity of a wide measurement.
+fn wide_pose(layout: Layout) -> Layout {
+    position(layout).steps("velocity", 20, 2e-3).unit("rad/s")
+}
+
+fn position(layout: Layout) -> Layout {
+    layout.steps("position", 16, 2e-4).unit("rad").comment("For a wheel from -pi to pi")
 }
 
 /// Adds the measurements of an actuator and its status.
 fn measured(layout: Layout) -> Layout {
-    reported(layout, &[])
+    pose(layout).steps("torque", 16, 5e-3).unit("Nm").flags(8, status_flags(&[]))
 }
+
+/// Status bit of telemetry beside those of an actuator.
+const UNANSWERED: [(u8, &str, &str); 1] =
+    [(ActuatorStatus::UNANSWERED, "unanswered", "No answer; the other values are older")];
 
 /// Adds the telemetry fields of an actuator.
-pub(super) fn telemetry(layout: Layout) -> Layout {
-    let text = "No answer; the other values are older";
-    reported(layout, &[(ActuatorStatus::UNANSWERED, "unanswered", text)])
+fn telemetry(layout: Layout) -> Layout {
+    let flags = status_flags(&UNANSWERED);
+    pose(layout).steps("torque", 16, 5e-3).unit("Nm").flags(8, flags)
 }
 
-fn reported(layout: Layout, more: &[(u8, &'static str, &'static str)]) -> Layout {
+/// Adds the telemetry fields of an actuator beyond the scale of [`telemetry`].
+fn wide_telemetry(layout: Layout) -> Layout {
+    short_torque(wide_pose(layout), 16).flags(8, status_flags(&UNANSWERED))
+}
+
+fn status_flags(more: &[(u8, &'static str, &'static str)]) -> Vec<(u16, String, &'static str)> {
     let flags = [
         (ActuatorStatus::ENABLED, "enabled", "Torque is on"),
         (ActuatorStatus::TORQUE_LIMITED, "torque_limited", "The torque is at its limit"),
@@ -166,18 +203,19 @@ fn reported(layout: Layout, more: &[(u8, &'static str, &'static str)]) -> Layout
         (ActuatorStatus::BAD_VOLTAGE, "bad_voltage", "Supply out of range: torque off"),
         (ActuatorStatus::HARDWARE, "hardware", "Sensor or other hardware failed: torque off"),
     ];
-    let flags = flags
-        .iter()
-        .chain(more)
-        .map(|&(mask, name, text)| (mask.trailing_zeros() as u16, format!("status_{name}"), text));
-    pose(layout).steps("torque", 16, 5e-3).unit("Nm").flags(8, flags)
+    let flags = flags.iter().chain(more);
+    flags
+        .map(|&(mask, name, text)| (mask.trailing_zeros() as u16, format!("status_{name}"), text))
+        .collect()
 }
 
-/// Fields of [`telemetry`] beginning at bit `at`, with signals named after a joint.
-pub(super) fn telemetry_of(name: &str, at: u16) -> Vec<Signal> {
+/// Fields of the telemetry of a channel from the second byte on, narrow or wide, with signals named after `prefix`.
+pub(super) fn telemetry_of(prefix: &str, is_wide: bool) -> Vec<Signal> {
     let renamed = |signal: Signal| {
-        let name = format!("{name}_{}", signal.name);
+        let name = format!("{prefix}{}", signal.name);
         Signal { name, ..signal }
     };
-    telemetry(Layout::new().at(at)).finish().into_iter().map(renamed).collect()
+    let layout = Layout::new().at(8);
+    let layout = if is_wide { wide_telemetry(layout) } else { telemetry(layout) };
+    layout.finish().into_iter().map(renamed).collect()
 }

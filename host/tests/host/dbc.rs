@@ -213,6 +213,10 @@ fn with_a_robot_joints_have_their_names() {
         (0x203, "WHEEL_SETPOINT_front_left"),
         (0x281, "JOINT_TORQUE_SETPOINT_front_left_hip"),
         (0x303, "WHEEL_TORQUE_SETPOINT_front_left"),
+        (0x381, "WIDE_JOINT_SETPOINT_front_left_hip"),
+        (0x403, "WIDE_WHEEL_SETPOINT_front_left"),
+        (0x481, "WIDE_FEEDBACK_front_left_hip"),
+        (0x483, "WIDE_FEEDBACK_front_left"),
     ];
     assert_eq!(messages, expected);
 }

@@ -162,28 +162,37 @@ fn commands() -> impl Strategy<Value = Sample> {
 fn setpoints() -> impl Strategy<Value = Sample> {
     // Below 2^22 steps, single precision resolves every step.
     let of = (any::<u8>(), 0u8..128, any::<bool>());
-    let setpoint = (node(), of, -(1i32 << 22)..1 << 22, -32767i16..=32767);
-    setpoint.prop_map(|(to, (frame, channel, stiff), value, torque)| {
+    // Beyond 163.8 N·m the torque has coarser steps.
+    let torque = prop_oneof![
+        (-32767i16..=32767).prop_map(|steps| ("setpoint", steps, 200.0)),
+        (328i16..=32767, any::<bool>()).prop_map(|(steps, back)| (
+            "wide_setpoint",
+            if back { -steps } else { steps },
+            2.0
+        )),
+    ];
+    let setpoint = (node(), of, -(1i32 << 22)..1 << 22, torque);
+    setpoint.prop_map(|(to, (frame, channel, stiff), value, (schema, torque, per_unit))| {
         let setpoint = Setpoint {
             frame,
             channel,
             stiff,
             value: value as f32 / 10_000.0,
-            torque_nm: f32::from(torque) / 200.0,
+            torque_nm: f32::from(torque) / per_unit,
         };
         let values = named_values([
             ("frame", frame.into()),
             ("channel", channel.into()),
             ("stiff", stiff.into()),
             ("value", f64::from(value) / 1e4),
-            ("torque", f64::from(torque) / 200.0),
+            ("torque", f64::from(torque) / f64::from(per_unit)),
         ]);
-        sealed("setpoint", setpoint.encode(to), values)
+        sealed(schema, setpoint.encode(to), values)
     })
 }
 
 fn samples() -> impl Strategy<Value = Sample> {
-    prop_oneof![status(), fault(), joint(), readings(), imu(), sample()]
+    prop_oneof![status(), fault(), joint(), wide_joint(), readings(), imu(), sample()]
 }
 
 fn imu() -> impl Strategy<Value = Sample> {
@@ -273,6 +282,16 @@ fn measured() -> impl Strategy<Value = ([i16; 3], u8)> {
 }
 
 fn measures([position, velocity, torque]: [i16; 3], status: u8) -> Vec<(String, f64)> {
+    let mut values = named_values([
+        ("position", f64::from(position) / 5000.0),
+        ("velocity", f64::from(velocity) / 500.0),
+        ("torque", f64::from(torque) / 200.0),
+    ]);
+    values.extend(flags(status));
+    values
+}
+
+fn flags(status: u8) -> impl Iterator<Item = (String, f64)> {
     let names = [
         "enabled",
         "torque_limited",
@@ -282,14 +301,38 @@ fn measures([position, velocity, torque]: [i16; 3], status: u8) -> Vec<(String, 
         "bad_voltage",
         "hardware",
     ];
+    (0..)
+        .zip(names)
+        .map(move |(bit, name)| (format!("status_{name}"), f64::from(status >> bit & 1)))
+}
+
+/// Position code, speed beyond the narrow scale, short code of the torque and its sign, and a status byte.
+fn wide_measured() -> impl Strategy<Value = (i16, i32, (u16, bool), u8)> {
+    let speed = (32_768i32..1 << 19, any::<bool>());
+    let speed = speed.prop_map(|(steps, back)| if back { -steps } else { steps });
+    let torque = (0u16..1 << 11, any::<bool>()).prop_map(|(code, back)| (code, back && code > 0));
+    (-32767i16..=32767, speed, torque, 0u8..128)
+}
+
+/// Torque of a short code in steps of 16 mN·m.
+fn torque_nm((code, is_negative): (u16, bool)) -> f32 {
+    let (mantissa, exponent) = (f32::from(code & 0x7F), i32::from(code >> 7));
+    let steps =
+        if exponent == 0 { mantissa } else { (128.0 + mantissa) * 2_f32.powi(exponent - 1) };
+    if is_negative { -steps / 62.5 } else { steps / 62.5 }
+}
+
+fn wide_measures(
+    (position, speed, (code, is_negative), status): (i16, i32, (u16, bool), u8),
+) -> Vec<(String, f64)> {
     let mut values = named_values([
         ("position", f64::from(position) / 5000.0),
-        ("velocity", f64::from(velocity) / 500.0),
-        ("torque", f64::from(torque) / 200.0),
+        ("velocity", f64::from(speed) / 500.0),
+        ("torque_mantissa", f64::from(code & 0x7F)),
+        ("torque_exponent", f64::from(code >> 7)),
+        ("torque_sign", is_negative.into()),
     ]);
-    for (bit, name) in names.into_iter().enumerate() {
-        values.push((format!("status_{name}"), f64::from(status >> bit & 1)));
-    }
+    values.extend(flags(status));
     values
 }
 
@@ -312,6 +355,24 @@ fn readings() -> impl Strategy<Value = Sample> {
             sealed("readings", readings.encode(node), values)
         },
     )
+}
+
+fn wide_joint() -> impl Strategy<Value = Sample> {
+    let unanswered = any::<bool>();
+    (node(), any::<u8>(), wide_measured(), unanswered).prop_map(|(node, channel, measured, u)| {
+        let (position, speed, torque, status) = measured;
+        let telemetry = JointTelemetry {
+            channel,
+            position_rad: f32::from(position) / 5000.0,
+            velocity_rad_s: speed as f32 / 500.0,
+            torque_nm: torque_nm(torque),
+            status: ActuatorStatus(status | u8::from(u) << 7),
+        };
+        let mut values = wide_measures(measured);
+        values.push(("status_unanswered".into(), u.into()));
+        values.push(("channel".into(), channel.into()));
+        ("wide_joint", telemetry.encode(node), values)
+    })
 }
 
 fn joint() -> impl Strategy<Value = Sample> {
@@ -484,37 +545,58 @@ fn signed_torque((_, _, steps): Short, is_negative: bool) -> f32 {
     if is_negative { -steps / 1000.0 } else { steps / 1000.0 }
 }
 
+/// Number beyond the narrow scale, in steps of a wide frame.
+fn large() -> impl Strategy<Value = Short> {
+    (0u8..128, 12u8..16).prop_map(|(mantissa, exponent)| {
+        let steps = (128.0 + f32::from(mantissa)) * 2_f32.powi(i32::from(exponent) - 1);
+        (mantissa, exponent, steps)
+    })
+}
+
+/// Schema of a set-point with torque, ratio of its steps to the narrow ones, and a number that requires it.
+fn schema(
+    narrow: &'static str,
+    wide: &'static str,
+) -> impl Strategy<Value = (&'static str, f32, Short)> {
+    prop_oneof![
+        short().prop_map(move |short| (narrow, 1.0, short)),
+        large().prop_map(move |large| (wide, 16.0, large)),
+    ]
+}
+
 fn joint_with_torque() -> impl Strategy<Value = Sample> {
-    let joint = (0u8..128, -32767i16..=32767, -8191i16..=8191, short(), short(), torque());
-    joint.prop_map(|(id, position, velocity, kp, kd, (torque, is_negative))| {
+    let kp = schema("joint_torque_setpoint", "wide_joint_setpoint");
+    let joint = (0u8..128, -32767i16..=32767, -8191i16..=8191, kp, short(), torque());
+    joint.prop_map(|(id, position, velocity, (schema, wider, kp), kd, (torque, is_negative))| {
         let setpoint = JointSetpoint {
             position_rad: f32::from(position) / 5000.0,
             velocity_rad_s: f32::from(velocity) / 125.0,
-            kp_nm_rad: kp.2 / 1000.0,
-            kd_nm_s_rad: kd.2 / 10_000.0,
-            torque_nm: signed_torque(torque, is_negative),
+            kp_nm_rad: wider * kp.2 / 1000.0,
+            kd_nm_s_rad: wider * kd.2 / 10_000.0,
+            torque_nm: wider * signed_torque(torque, is_negative),
         };
         let mut values = named_values([
             ("position", f64::from(position) / 5000.0),
             ("velocity", f64::from(velocity) / 125.0),
         ]);
         values.extend(shorts("kp", kp, kd, torque, is_negative));
-        ("joint_torque_setpoint", setpoint.encode(id).unwrap(), values)
+        (schema, setpoint.encode(id).unwrap(), values)
     })
 }
 
 fn wheel_with_torque() -> impl Strategy<Value = Sample> {
-    let wheel = (0u8..128, -(1i32 << 22)..1 << 22, short(), short(), torque());
-    wheel.prop_map(|(id, speed, limit, kd, (torque, is_negative))| {
+    let limit = schema("wheel_torque_setpoint", "wide_wheel_setpoint");
+    let wheel = (0u8..128, -(1i32 << 22)..1 << 22, limit, short(), torque());
+    wheel.prop_map(|(id, speed, (schema, wider, limit), kd, (torque, is_negative))| {
         let setpoint = WheelSetpoint {
             speed_rad_s: speed as f32 / 10_000.0,
-            kd_nm_s_rad: kd.2 / 10_000.0,
-            torque_limit_nm: limit.2 / 1000.0,
-            torque_nm: signed_torque(torque, is_negative),
+            kd_nm_s_rad: wider * kd.2 / 10_000.0,
+            torque_limit_nm: wider * limit.2 / 1000.0,
+            torque_nm: wider * signed_torque(torque, is_negative),
         };
         let mut values = named_values([("speed", f64::from(speed) / 1e4)]);
         values.extend(shorts("torque_limit", limit, kd, torque, is_negative));
-        ("wheel_torque_setpoint", setpoint.encode(id).unwrap(), values)
+        (schema, setpoint.encode(id).unwrap(), values)
     })
 }
 
@@ -555,6 +637,20 @@ pub fn actuators() -> BoxedStrategy<Sample> {
         values.push(("counter".into(), counter.into()));
         ("feedback", feedback.encode(id).unwrap(), values)
     });
+    let wide_feedback = (0u8..128, wide_measured(), any::<u8>());
+    let wide_feedback = wide_feedback.prop_map(|(id, measured, counter)| {
+        let (position, speed, torque, status) = measured;
+        let feedback = Feedback {
+            position_rad: f32::from(position) / 5000.0,
+            velocity_rad_s: speed as f32 / 500.0,
+            torque_nm: torque_nm(torque),
+            status: ActuatorStatus(status),
+            counter,
+        };
+        let mut values = wide_measures(measured);
+        values.push(("counter".into(), counter.into()));
+        ("wide_feedback", feedback.encode(id).unwrap(), values)
+    });
     // Below 2^22 steps, single precision resolves every step.
     let wheel = (0u8..128, -(1i32 << 22)..1 << 22, any::<u16>(), any::<u16>());
     let wheel = wheel.prop_map(|(id, speed, kd, limit)| {
@@ -571,6 +667,14 @@ pub fn actuators() -> BoxedStrategy<Sample> {
         ]);
         ("wheel_setpoint", setpoint.encode(id).unwrap(), values)
     });
-    prop_oneof![control, setpoint, feedback, wheel, joint_with_torque(), wheel_with_torque()]
-        .boxed()
+    prop_oneof![
+        control,
+        setpoint,
+        feedback,
+        wide_feedback,
+        wheel,
+        joint_with_torque(),
+        wheel_with_torque()
+    ]
+    .boxed()
 }

@@ -39,7 +39,7 @@ pub mod settings;
 pub mod traffic;
 
 pub use feedback::{Faults, Feedback};
-pub use serial::{MAX_PACKET, Packet};
+pub use serial::{MAX_ON_LINE, MAX_PACKET, Packet};
 pub use traffic::Traffic;
 
 use crate::can::Frame;

@@ -3,7 +3,9 @@
 use super::feedback::Feedback;
 use heapless::Vec;
 
-/// Maximum size of a packet on a serial line, bytes. The longest packet writes gains of 24 servos, with byte stuffing.
+/// Maximum number of servos on a serial line, which one packet addresses together.
+pub const MAX_ON_LINE: usize = 24;
+/// Maximum size of a packet on a serial line, bytes. The longest packet writes gains of all servos, with byte stuffing.
 pub const MAX_PACKET: usize = 256;
 /// Packet for a serial line.
 pub type Packet = Vec<u8, MAX_PACKET>;

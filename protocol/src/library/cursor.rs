@@ -35,7 +35,10 @@ pub struct ClipCursor {
     tracks: [Decoder; Track::ALL.len()],
 }
 
-const _: () = assert!(size_of::<ClipCursor>() == 452, "docs/formats/motion-library.md says so");
+const _: () = assert!(
+    size_of::<ClipCursor>() == 68 + 16 * crate::config::MAX_CHANNELS,
+    "docs/formats/motion-library.md says so"
+);
 
 impl ClipCursor {
     /// Creates a cursor at a frame of a clip.

@@ -45,7 +45,14 @@ pub(super) struct Decoder {
 impl Decoder {
     /// Creates a decoder that has not entered a block yet.
     pub fn new(place: BlockPlace) -> Self {
-        Self { place, block: 0, payload: 0, in_block: 0, bit: 0, states: Default::default() }
+        Self {
+            place,
+            block: 0,
+            payload: 0,
+            in_block: 0,
+            bit: 0,
+            states: [ChannelState::default(); MAX_CHANNELS],
+        }
     }
 
     /// Quanta of the frame, by channel.

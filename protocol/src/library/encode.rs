@@ -201,7 +201,7 @@ fn write_block(
     w.zeros(BLOCK_HEADER_LEN)?;
     let payload_at = w.len();
     write_frames(quanta, channels, w, first, count)?;
-    // 60 frames of 24 channels with 18 bits, and headers: at most 3.4 kB.
+    // 60 frames of 64 channels with 18 bits, and headers: at most 8.9 kB.
     let payload_len = (w.len() - payload_at) as u16;
     let mut header = [0; BLOCK_HEADER_LEN];
     let fields = [number, count as u8].into_iter();

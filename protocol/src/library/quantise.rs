@@ -73,7 +73,7 @@ pub(crate) fn value(quanta: i32, exponent: i8) -> f32 {
 /// The limit is 1024 to 2047 quanta, so rounding moves a torque by at most 1/2048 of the limit. Limits below 60 µN·m have fewer
 /// quanta.
 pub(crate) fn torque_record(channel: &Channel) -> (i8, i16) {
-    // Exponent of the limit, which is positive and at most 160 N·m.
+    // Exponent of the limit, which is positive and at most 20,000 N·m.
     let exponent = ((channel.max_torque_nm.to_bits() >> 23) & 0xFF) as i32 - 127;
     let exponent = (exponent - 10).max(i32::from(FINEST_TORQUE_EXPONENT)) as i8;
     (exponent, (channel.max_torque_nm / lsb(exponent)) as i16)

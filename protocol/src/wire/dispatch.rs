@@ -35,7 +35,7 @@ impl ToController {
             0x000 => Estop::decode(frame).map(|(node, _)| (node, Self::Estop)),
             0x100 => Heartbeat::decode(frame).map(|(node, m)| (node, Self::Heartbeat(m))),
             0x200 => Command::decode(frame).map(|(node, m)| (node, Self::Command(m))),
-            0x401 => Setpoint::decode(frame).map(|(node, m)| (node, Self::Setpoint(m))),
+            0x401 | 0x407 => Setpoint::decode(frame).map(|(node, m)| (node, Self::Setpoint(m))),
             0x500 => TO_CONTROLLER.node(frame).map(|node| (node, Self::Transport)),
             0x600 => ParameterRequest::decode(frame).map(|(node, m)| (node, Self::Parameter(m))),
             0x700 => Discover::decode(frame).map(|(node, _)| (node, Self::Discover)),
@@ -84,7 +84,9 @@ impl FromController {
             0x300 => Status::decode(frame).map(|(node, m)| (node, Self::Status(m))),
             0x301 => FaultReport::decode(frame).map(|(node, m)| (node, Self::FaultReport(m))),
             0x302 => CommandAck::decode(frame).map(|(node, m)| (node, Self::CommandAck(m))),
-            0x400 => JointTelemetry::decode(frame).map(|(node, m)| (node, Self::JointTelemetry(m))),
+            0x400 | 0x406 => {
+                JointTelemetry::decode(frame).map(|(node, m)| (node, Self::JointTelemetry(m)))
+            }
             0x402 => Gyro::decode(frame).map(|(node, m)| (node, Self::Gyro(m))),
             0x403 => Accelerometer::decode(frame).map(|(node, m)| (node, Self::Accelerometer(m))),
             0x404 => Sample::decode(frame).map(|(node, m)| (node, Self::Sample(m))),
@@ -113,12 +115,14 @@ mod tests {
         let heartbeat = Heartbeat { seq: 1, host_ms: 2 };
         let command = Command { seq: 1, action: Action::Disarm, valid_until_ms: 2 };
         let setpoint = Setpoint { frame: 1, channel: 2, stiff: true, value: 0.5, torque_nm: -0.25 };
+        let strong = Setpoint { torque_nm: -400.0, ..setpoint };
         let parameter = ParameterRequest { seq: 1, action: ParameterAction::Save };
         for (frame, message) in [
             (Estop.encode(node()), ToController::Estop),
             (heartbeat.encode(node()), ToController::Heartbeat(heartbeat)),
             (command.encode(node()), ToController::Command(command)),
             (setpoint.encode(node()), ToController::Setpoint(setpoint)),
+            (strong.encode(node()), ToController::Setpoint(strong)),
             (Frame::known(TO_CONTROLLER.id(node()), [1, 2]), ToController::Transport),
             (parameter.encode(node()), ToController::Parameter(parameter)),
             (Discover.encode(node()), ToController::Discover),
@@ -146,6 +150,7 @@ mod tests {
             torque_nm: 0.0,
             status: Default::default(),
         };
+        let fast = JointTelemetry { velocity_rad_s: -200.0, ..joint };
         let gyro = Gyro { rad_s: [0.5, -1.0, 0.0] };
         let accelerometer = Accelerometer { m_s2: [0.0, -1.0, 9.5] };
         let sample = Sample { number: 7, answered: None, contacts: Some(0b1010) };
@@ -161,6 +166,7 @@ mod tests {
             (report.encode(node()), M::FaultReport(report)),
             (ack.encode(node()), M::CommandAck(ack)),
             (joint.encode(node()), M::JointTelemetry(joint)),
+            (fast.encode(node()), M::JointTelemetry(fast)),
             (gyro.encode(node()), M::Gyro(gyro)),
             (accelerometer.encode(node()), M::Accelerometer(accelerometer)),
             (sample.encode(node()), M::Sample(sample)),

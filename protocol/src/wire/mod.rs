@@ -82,6 +82,8 @@ pub const SCHEMA: &str = "\
 4n3 accelerometer crc8 x:i16*5e-3m/s2 y:i16*5e-3m/s2 z:i16*5e-3m/s2
 4n4 sample crc8 number:u8 answered:u8 delay:u8*2e-4s contacts:24 has_contacts:1 has_answered:1 zero:6
 4n5 readings crc8 channel:u8 temperature:i16*0.1C voltage:i16*0.01V
+4n6 wide_joint channel:u8 position:i16*2e-4rad velocity:i20*2e-3rad/s torque_mantissa:7 torque_exponent:4 torque_sign:1 status:u8
+4n7 wide_setpoint crc8 frame:u8 channel:7 stiff:1 value:i24*1e-4rad|rad/s torque:i16*0.5Nm
 5n0 transport_to_controller isotp
 5n1 transport_to_host isotp
 6n0 parameter crc8 seq:4 kind:4 parameter:4 zero:4 channel:u8 value:f32
@@ -105,6 +107,9 @@ isotp 90 reply request:u8 result:u8 next:u32 section:u8 why:u8
 200+n wheel_setpoint speed:i32*1e-4rad/s kd:u16*1e-3Nms/rad torque_limit:u16*5e-3Nm
 280+n joint_torque_setpoint position:i16*2e-4rad velocity:i14*8e-3rad/s kp_mantissa:7 kp_exponent:4 kd_mantissa:7 kd_exponent:4 torque_mantissa:7 torque_exponent:4 torque_sign:1
 300+n wheel_torque_setpoint speed:i30*1e-4rad/s torque_limit_mantissa:7 torque_limit_exponent:4 kd_mantissa:7 kd_exponent:4 torque_mantissa:7 torque_exponent:4 torque_sign:1
+380+n wide_joint_setpoint position:i16*2e-4rad velocity:i14*8e-3rad/s kp_mantissa:7 kp_exponent:4 kd_mantissa:7 kd_exponent:4 torque_mantissa:7 torque_exponent:4 torque_sign:1
+400+n wide_wheel_setpoint speed:i30*1e-4rad/s torque_limit_mantissa:7 torque_limit_exponent:4 kd_mantissa:7 kd_exponent:4 torque_mantissa:7 torque_exponent:4 torque_sign:1
+480+n wide_feedback position:i16*2e-4rad velocity:i20*2e-3rad/s torque_mantissa:7 torque_exponent:4 torque_sign:1 status:u8 counter:u8
 ";
 
 /// CRC-32C of [`SCHEMA`]. Two sides with different hashes interpret the same bytes differently.

@@ -1,10 +1,11 @@
 //! Class 4: set-points of a host that replace a motion of the library. They are streamed ahead of time, or answer measurements.
 
 use super::{DecodeError, Kind, Node};
-use crate::actuator::{TORQUE_STEPS, measured, signed};
+use crate::actuator::{TORQUE_STEPS, measured, saturated, signed};
 use crate::can::Frame;
 
 const SETPOINT: Kind = Kind::new(4, 1);
+const WIDE_SETPOINT: Kind = Kind::new(4, 7);
 
 /// Number of steps per rad or rad/s in a value.
 const VALUE_STEPS: f32 = 10_000.0;
@@ -13,6 +14,10 @@ const MAX_STEPS: i32 = (1 << 23) - 1;
 
 /// Flag of a stiff set-point, the highest bit of the channel's byte.
 const STIFF: u8 = 1 << 7;
+/// Number of steps per N·m in a wide set-point.
+const WIDE_TORQUE_STEPS: f32 = 2.0;
+/// Least torque of a wide set-point, N·m.
+const LEAST_WIDE_NM: f32 = 164.0;
 
 /// Set-point of one channel, in a frame of a stream ([`crate::library::RATE_HZ`] frames per second) or in the answer to a
 /// [`super::Sample`].
@@ -33,21 +38,30 @@ pub struct Setpoint {
 }
 
 impl Setpoint {
-    /// Encodes `[crc8][frame u8][channel 7 lowest bits, stiff 1][value i24 0.1 mrad or mrad/s][torque i16 5 mN·m]`. Values
-    /// beyond their scale saturate; NaN becomes 0.
+    /// Encodes `[crc8][frame u8][channel 7 lowest bits, stiff 1][value i24 0.1 mrad or mrad/s][torque i16 5 mN·m]`. A torque
+    /// beyond this scale makes the set-point wide, which has another identifier and a torque in steps of 0.5 N·m. Values beyond
+    /// their scale saturate; NaN becomes 0.
     pub fn encode(self, to: Node) -> Frame {
         // An f32 represents all steps, but a product of two f32 may round to the next step.
         let exact = f64::from(self.value) * f64::from(VALUE_STEPS);
         let steps = if exact < 0.0 { exact - 0.5 } else { exact + 0.5 } as i32;
         let [v0, v1, v2, _] = steps.clamp(-MAX_STEPS, MAX_STEPS).to_le_bytes();
-        let [t0, t1] = measured(self.torque_nm, TORQUE_STEPS).to_le_bytes();
+        let narrow = saturated(self.torque_nm, TORQUE_STEPS, i32::MAX);
+        let (kind, torque) = match narrow.unsigned_abs() {
+            ..=0x7FFF => (SETPOINT, narrow as i16),
+            _ => (WIDE_SETPOINT, measured(self.torque_nm, WIDE_TORQUE_STEPS)),
+        };
+        let [t0, t1] = torque.to_le_bytes();
         let channel = self.channel & !STIFF | if self.stiff { STIFF } else { 0 };
-        SETPOINT.seal(to, [0, self.frame, channel, v0, v1, v2, t0, t1])
+        kind.seal(to, [0, self.frame, channel, v0, v1, v2, t0, t1])
     }
 
     /// Decodes addressee and set-point.
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
-        let (node, [_, number, channel, v0, v1, v2, t0, t1]) = SETPOINT.unseal(frame)?;
+        let is_wide = WIDE_SETPOINT.node(frame).is_ok();
+        let (kind, torque_steps) =
+            if is_wide { (WIDE_SETPOINT, WIDE_TORQUE_STEPS) } else { (SETPOINT, TORQUE_STEPS) };
+        let (node, [_, number, channel, v0, v1, v2, t0, t1]) = kind.unseal(frame)?;
         let bad = DecodeError::BadValue;
         // The sign fills the upper byte.
         let steps = i32::from_le_bytes([0, v0, v1, v2]) >> 8;
@@ -59,9 +73,11 @@ impl Setpoint {
             channel: channel & !STIFF,
             stiff: channel & STIFF != 0,
             value: steps as f32 / VALUE_STEPS,
-            torque_nm: signed(t0, t1, TORQUE_STEPS).ok_or(bad)?,
+            torque_nm: signed(t0, t1, torque_steps).ok_or(bad)?,
         };
-        Ok((node, setpoint))
+        // Each set-point has a single encoding.
+        let is_sent = !is_wide || setpoint.torque_nm.abs() >= LEAST_WIDE_NM;
+        if is_sent { Ok((node, setpoint)) } else { Err(bad) }
     }
 }
 
@@ -88,5 +104,24 @@ mod tests {
             Setpoint::decode(&frame).unwrap().1.value
         });
         assert_eq!(beyond, [838.8607, -838.8607, 0.0]);
+    }
+
+    #[test]
+    fn torques_of_large_robots_are_wide() {
+        let node = Node::new(1).unwrap();
+        for (torque_nm, expected, is_wide) in [
+            (163.835, 163.835, false),
+            (-163.84, -164.0, true),
+            (1234.4, 1234.5, true),
+            (f32::INFINITY, 16_383.5, true),
+            (f32::NAN, 0.0, false),
+        ] {
+            let frame =
+                Setpoint { frame: 3, channel: 63, stiff: true, value: 1.0, torque_nm }.encode(node);
+            let (_, decoded) = Setpoint::decode(&frame).unwrap();
+            assert_eq!((decoded.channel, decoded.stiff, decoded.torque_nm), (63, true, expected));
+            assert_eq!(frame.standard_id(), Some(if is_wide { 0x417 } else { 0x411 }));
+            assert_eq!(decoded.encode(node), frame);
+        }
     }
 }

@@ -2,12 +2,13 @@
 
 use super::{DecodeError, Kind, Node};
 use crate::actuator::{
-    ActuatorStatus, POSITION_STEPS, SPEED_STEPS, TORQUE_STEPS, measured, signed,
+    ActuatorStatus, POSITION_STEPS, from_measurement, measured, measurement, signed,
 };
 use crate::can::Frame;
 
 const JOINT: Kind = Kind::new(4, 0);
 const READINGS: Kind = Kind::new(4, 5);
+const WIDE_JOINT: Kind = Kind::new(4, 6);
 
 /// Number of steps per °C in a temperature.
 const TEMPERATURE_STEPS: f32 = 10.0;
@@ -30,24 +31,27 @@ pub struct JointTelemetry {
 }
 
 impl JointTelemetry {
-    /// Encodes `[channel u8][position i16 0.2 mrad][velocity i16 2 mrad/s][torque i16 5 mN·m][status u8]`. Values beyond their
-    /// scale saturate.
+    /// Encodes `[channel u8][position i16 0.2 mrad][velocity and torque][status u8]`. Velocity and torque have the layout of
+    /// [`crate::actuator::Feedback`]; in the wide one, the message has another identifier.
     pub fn encode(self, from: Node) -> Frame {
         let [p0, p1] = measured(self.position_rad, POSITION_STEPS).to_le_bytes();
-        let [v0, v1] = measured(self.velocity_rad_s, SPEED_STEPS).to_le_bytes();
-        let [t0, t1] = measured(self.torque_nm, TORQUE_STEPS).to_le_bytes();
-        Frame::known(JOINT.id(from), [self.channel, p0, p1, v0, v1, t0, t1, self.status.0])
+        let (kind, [v0, v1, t0, t1]) = measurement(self.velocity_rad_s, self.torque_nm)
+            .map_or_else(|wide| (WIDE_JOINT, wide), |narrow| (JOINT, narrow));
+        Frame::known(kind.id(from), [self.channel, p0, p1, v0, v1, t0, t1, self.status.0])
     }
 
     /// Decodes sender and measurements.
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
-        let (node, [channel, p0, p1, v0, v1, t0, t1, status]) = JOINT.plain(frame)?;
+        let of_wide = || WIDE_JOINT.plain(frame).ok().map(|wide| (true, wide));
+        let (is_wide, (node, [channel, p0, p1, v0, v1, t0, t1, status])) =
+            of_wide().map_or_else(|| JOINT.plain(frame).map(|narrow| (false, narrow)), Ok)?;
         let bad = DecodeError::BadValue;
+        let (velocity_rad_s, torque_nm) = from_measurement([v0, v1, t0, t1], is_wide).ok_or(bad)?;
         let telemetry = Self {
             channel,
             position_rad: signed(p0, p1, POSITION_STEPS).ok_or(bad)?,
-            velocity_rad_s: signed(v0, v1, SPEED_STEPS).ok_or(bad)?,
-            torque_nm: signed(t0, t1, TORQUE_STEPS).ok_or(bad)?,
+            velocity_rad_s,
+            torque_nm,
             status: ActuatorStatus(status),
         };
         Ok((node, telemetry))

@@ -52,6 +52,39 @@ fn golden_bytes() {
     assert!(feedback.status.enabled() && feedback.status.faulty());
 }
 
+/// Wide frames of fast wheels and large robots. Bits from the lowest on: of set-points as in [`golden_bytes`], of feedback 16
+/// position, 20 velocity, 12 torque.
+#[test]
+fn golden_bytes_of_wide_frames() {
+    let joint = JointSetpoint {
+        position_rad: -1.0,
+        velocity_rad_s: 2.0,
+        kp_nm_rad: 12_288.0,
+        kd_nm_s_rad: 512.0,
+        torque_nm: -1280.0,
+    };
+    // Steps: −5000, 250, 768,000 = 187.5 · 2^12, rounded up; 320,000 = 156.25 · 2^11 and 80,000 = 156.25 · 2^9, rounded down.
+    assert_eq!(text(joint.encode(5)), "385#78ecfa00af39ccd1");
+    let still = JointSetpoint { torque_nm: 0.0, ..joint };
+    assert_eq!(text(still.encode(5)), "385#78ecfa00af390c00");
+    let wheel = WheelSetpoint {
+        speed_rad_s: 200.0,
+        kd_nm_s_rad: 0.2,
+        torque_limit_nm: 2048.0,
+        torque_nm: 0.0,
+    };
+    assert_eq!(text(wheel.encode(6)), "406#80841e805efb0000");
+    let feedback = Feedback {
+        position_rad: 3.0,
+        velocity_rad_s: 200.0,
+        torque_nm: -20.48,
+        status: ActuatorStatus(ActuatorStatus::ENABLED),
+        counter: 7,
+    };
+    assert_eq!(text(feedback.encode(7)), "487#983aa08601a20107");
+    assert_eq!(Feedback::decode(&feedback.encode(7).unwrap()), Some((7, feedback)));
+}
+
 #[test]
 fn what_does_not_fit_is_not_sent() {
     let good = JointSetpoint { position_rad: 6.5534, ..Default::default() };
@@ -64,11 +97,12 @@ fn what_does_not_fit_is_not_sent() {
     for value in bad.into_iter().chain([65.6]) {
         assert_eq!(JointSetpoint { velocity_rad_s: value, ..good }.encode(0), None, "{value}");
     }
-    for value in bad.into_iter().chain([655.4, -0.01]) {
+    // Wide codes end at 256 · 2^14 steps.
+    for value in bad.into_iter().chain([67_109.0, -0.01]) {
         assert_eq!(JointSetpoint { kp_nm_rad: value, ..good }.encode(0), None, "{value}");
-        assert_eq!(JointSetpoint { kd_nm_s_rad: value, ..good }.encode(0), None, "{value}");
+        assert_eq!(JointSetpoint { kd_nm_s_rad: value / 10.0, ..good }.encode(0), None, "{value}");
         let wheel = WheelSetpoint { torque_limit_nm: value, ..Default::default() };
-        assert_eq!(wheel.encode(0).is_none(), value != 655.4 || value / TORQUE_STEP_NM > 65535.5);
+        assert_eq!(wheel.encode(0), None, "{value}");
     }
     for torque_nm in bad {
         assert_eq!(JointSetpoint { torque_nm, ..good }.encode(0), None, "{torque_nm}");
@@ -98,9 +132,13 @@ fn measurements_saturate() {
         torque_nm: f32::NAN,
         ..Default::default()
     };
-    assert_eq!(text(wild.encode(1)), "181#ff7f018000000000");
+    assert_eq!(text(wild.encode(1)), "481#ff7f010008000000");
     let (_, seen) = Feedback::decode(&wild.encode(1).unwrap()).unwrap();
-    assert_eq!((seen.position_rad, seen.velocity_rad_s, seen.torque_nm), (6.5534, -65.534, 0.0));
+    assert_eq!((seen.position_rad, seen.velocity_rad_s, seen.torque_nm), (6.5534, -1048.574, 0.0));
+    let wild = Feedback { torque_nm: f32::NEG_INFINITY, ..Default::default() };
+    assert_eq!(text(wild.encode(1)), "481#00000000f0ff0000");
+    let none = Feedback { velocity_rad_s: f32::NAN, torque_nm: f32::NAN, ..Default::default() };
+    assert_eq!(text(none.encode(1)), "181#0000000000000000");
 }
 
 #[test]
@@ -117,6 +155,17 @@ fn the_value_that_is_none_is_refused() {
     // A torque of 0 has no such frame.
     assert_eq!(JointSetpoint::decode(&frame(0x281, &[0, 0, 0, 0, 0, 0, 0, 0])), None);
     assert_eq!(WheelSetpoint::decode(&frame(0x301, &[0, 0, 0, 0, 0, 0, 0, 0x80])), None);
+    // Values that fit another frame have no wide one, and nothing has a torque of −0.
+    let wide = [0, 0, 0, 0, 0xC0, 0xFF, 0x0F, 0];
+    assert!(JointSetpoint::decode(&frame(0x381, &wide)).is_some());
+    assert!(WheelSetpoint::decode(&frame(0x401, &wide)).is_some());
+    for data in [[0, 0, 0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0xC0, 0xFF, 0x0F, 0x80]] {
+        assert_eq!(JointSetpoint::decode(&frame(0x381, &data)), None);
+        assert_eq!(WheelSetpoint::decode(&frame(0x401, &data)), None);
+    }
+    for [v0, v1, v2, t] in [[0, 0, 0, 0], [0xFF, 0x7F, 0, 0], [0, 0, 8, 0], [0, 0, 1, 0x80]] {
+        assert_eq!(Feedback::decode(&frame(0x481, &[0, 0, v0, v1, v2, t, 0, 0])), None);
+    }
     assert_eq!(Control::decode(&frame(0x081, &[3])), None);
     assert_eq!(Control::decode(&frame(0x081, &[])), None);
     assert_eq!(Control::decode(&frame(0x181, &[0])), None);
@@ -187,9 +236,43 @@ proptest! {
         prop_assert!(near(got.torque_limit_nm, torque_limit_nm, 0.008, 2.6e-3), "{got:?}");
     }
 
+    /// Values beyond the narrow scales keep the relative accuracy of those with torque.
+    #[test]
+    fn wide_setpoints_return_within_their_errors(
+        speed_rad_s in -1000f32..1000.0,
+        kp_nm_rad in 600f32..50_000.0,
+        kd_nm_s_rad in 60f32..5000.0,
+        torque_limit_nm in 100f32..20_000.0,
+        torque_nm in prop_oneof![Just(0f32), -20_000f32..20_000.0],
+        id in 0u8..=127,
+    ) {
+        let near = |a: f32, b: f32, part: f32, least: f32| (a - b).abs() <= (part * b.abs()).max(least);
+        let velocity_rad_s = speed_rad_s / 16.0;
+        let sent = JointSetpoint { position_rad: 1.0, velocity_rad_s, kp_nm_rad, kd_nm_s_rad, torque_nm };
+        let frame = sent.encode(id).unwrap();
+        let (to, got) = JointSetpoint::decode(&frame).unwrap();
+        prop_assert_eq!((to, got.encode(id)), (id, Some(frame)));
+        prop_assert!(near(got.velocity_rad_s, velocity_rad_s, 0.0, 4.1e-3), "{got:?}");
+        prop_assert!(near(got.kp_nm_rad, kp_nm_rad, 0.004, 0.0), "{got:?}");
+        prop_assert!(near(got.kd_nm_s_rad, kd_nm_s_rad, 0.004, 0.0), "{got:?}");
+        prop_assert!(near(got.torque_nm, torque_nm, 0.004, 8.1e-3), "{got:?}");
+        let sent = WheelSetpoint { speed_rad_s, kd_nm_s_rad, torque_limit_nm, torque_nm };
+        let (to, got) = WheelSetpoint::decode(&sent.encode(id).unwrap()).unwrap();
+        prop_assert_eq!(to, id);
+        prop_assert!(near(got.speed_rad_s, speed_rad_s, 1e-6, 0.6e-4), "{got:?}");
+        prop_assert!(near(got.torque_limit_nm, torque_limit_nm, 0.008, 0.0), "{got:?}");
+        prop_assert!(got.torque_limit_nm <= 1.000_02 * torque_limit_nm, "{got:?}");
+        let told = Feedback { velocity_rad_s: speed_rad_s, torque_nm, ..Default::default() };
+        let frame = told.encode(id).unwrap();
+        let (from, got) = Feedback::decode(&frame).unwrap();
+        prop_assert_eq!((from, got.encode(id)), (id, Some(frame)));
+        prop_assert!(near(got.velocity_rad_s, speed_rad_s, 1e-6, 1.1e-3), "{got:?}");
+        prop_assert!(near(got.torque_nm, torque_nm, 0.004, 8.1e-3), "{got:?}");
+    }
+
     /// Decoded messages encode to the same bytes again, since each meaning has a single encoding.
     #[test]
-    fn arbitrary_frames(id in 0u16..0x400, data in proptest::collection::vec(any::<u8>(), 0..=8)) {
+    fn arbitrary_frames(id in 0u16..0x580, data in proptest::collection::vec(any::<u8>(), 0..=8)) {
         let frame = Frame::standard(id, &data).unwrap();
         if let Some((to, m)) = JointSetpoint::decode(&frame) {
             prop_assert_eq!(m.encode(to), Some(frame));

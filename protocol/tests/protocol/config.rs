@@ -60,13 +60,13 @@ fn what_cannot_be_commanded_is_refused_by_name() {
     refused(joint(0), "max_rate", &|c| c.max_rate = 0.0);
     refused(joint(0), "max_rate", &|c| c.max_rate = 66.0);
     refused(joint(0), "max_torque_nm", &|c| c.max_torque_nm = -1.0);
-    refused(joint(0), "max_torque_nm", &|c| c.max_torque_nm = 161.0);
-    refused(joint(0), "kp_nm_rad", &|c| c.kp_nm_rad = 656.0);
+    refused(joint(0), "max_torque_nm", &|c| c.max_torque_nm = 20_001.0);
+    refused(joint(0), "kp_nm_rad", &|c| c.kp_nm_rad = 50_001.0);
     refused(joint(0), "kd_nm_s_rad", &|c| c.kd_nm_s_rad = f32::NAN);
     refused(joint(0), "id", &|c| c.id = 128);
     refused(joint(0), "id", &|c| c.id = 100);
     refused(wheel(0), "min", &|c| c.min = 0.5);
-    refused(wheel(0), "max", &|c| c.max = 66.0);
+    refused(wheel(0), "max", &|c| c.max = 1001.0);
     assert_eq!(with(joint(0), |c| (c.min, c.max) = (-6.3, 6.3)), Ok(()));
     assert_eq!(with(joint(0), |c| (c.bus, c.id) = (1, 100)), Ok(()), "another bus");
     assert_eq!(with(wheel(0), |c| c.max_rate = 5000.0), Ok(()));

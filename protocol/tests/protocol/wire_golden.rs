@@ -17,7 +17,7 @@ fn node() -> Node {
 
 #[test]
 fn schema_is_pinned() {
-    assert_eq!(SCHEMA_HASH, 0x267e_427b);
+    assert_eq!(SCHEMA_HASH, 0xdd63_871d);
 }
 
 #[test]
@@ -127,6 +127,12 @@ fn joint_telemetry() {
     };
     assert_eq!(text(m.encode(node())), "430#0778ece803640001");
     assert_eq!(JointTelemetry::decode(&m.encode(node())), Ok((node(), m)));
+    // Speed and torque of the wide message have the layout of the wide feedback.
+    let fast = JointTelemetry { position_rad: 3.0, velocity_rad_s: 200.0, torque_nm: -20.48, ..m };
+    assert_eq!(text(fast.encode(node())), "436#07983aa08601a201");
+    assert_eq!(JointTelemetry::decode(&fast.encode(node())), Ok((node(), fast)));
+    let slow = Frame::standard(0x436, &[7, 0, 0, 1, 0, 0, 0, 0]).unwrap();
+    assert_eq!(JointTelemetry::decode(&slow), Err(DecodeError::BadValue));
 }
 
 #[test]
@@ -135,6 +141,7 @@ fn setpoint() {
         (false, -1.0, 0.5, "431#1cab07f0d8ff6400"),
         (false, 838.0, -160.0, "431#74ab0760de7f0083"),
         (true, -1.0, 0.5, "431#66ab87f0d8ff6400"),
+        (true, -1.0, 1280.0, "437#92ab87f0d8ff000a"),
     ] {
         let m = Setpoint { frame: 0xAB, channel: 7, stiff, value, torque_nm };
         assert_eq!(text(m.encode(node())), golden);

@@ -19,8 +19,8 @@ pub(crate) fn length_help() -> String {
 }
 /// Largest radius of a capsule, m.
 pub(super) const RADIUS_MAX_M: f64 = 1.0;
-/// Maximum number of items of a kind, which bounds the time of all rules. A controller has 24 channels.
-pub(crate) const ITEMS_MAX: usize = 64;
+/// Maximum number of items of a kind, which bounds the time of all rules. A controller has [`MAX_CHANNELS`] channels.
+pub(crate) const ITEMS_MAX: usize = 2 * MAX_CHANNELS;
 
 /// Violated rules, in the order of the robot's items.
 pub(crate) fn violations(robot: &Robot) -> Vec<Violation> {

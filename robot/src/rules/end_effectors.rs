@@ -2,6 +2,7 @@
 
 use super::Check;
 use super::check::{Bound, LENGTH_MAX_M, show};
+use super::joints::SPEEDS_MAX_RAD_S;
 use crate::contact::{Contact, RollingDrag};
 use crate::model::{EndEffector, SoftMaterial};
 
@@ -31,7 +32,7 @@ impl Check<'_> {
             }
         }
         if let Some(actuator) = contact.actuator() {
-            self.actuator(actuator);
+            self.actuator(actuator, SPEEDS_MAX_RAD_S[1]);
         }
         if let Some(blade_length_m) = blade_length_m {
             self.range("blade_length_m", blade_length_m, Bound::Above(0.0), 1.0, "m", mm);

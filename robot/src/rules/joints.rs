@@ -11,15 +11,36 @@ use rollwalk_protocol::actuators::bus::MAX_BUSES;
 use rollwalk_protocol::text::{Excerpt, is_plain_name};
 use std::f64::consts::TAU;
 
-/// Largest speed of a motor in frames of the Rollwalk profile, rad/s. Larger numbers are usually rev/min.
-const SPEED_MAX_RAD_S: f64 = actuator::MAX_SPEED_RAD_S as f64;
-/// Largest torque of a motor in these frames, N·m. Larger numbers are usually N·mm.
-const TORQUE_MAX_NM: f64 = actuator::MAX_TORQUE_NM as f64;
 /// Smallest and largest ratio of a servo to a joint.
 const RATIO_MIN: f64 = 0.01;
 const RATIO_MAX: f64 = 100.0;
+/// Largest speeds of joints and wheels in frames of the Rollwalk profile, rad/s. Larger numbers are usually rev/min.
+pub(crate) const SPEEDS_MAX_RAD_S: [f64; 2] =
+    [actuator::MAX_SPEED_RAD_S as f64, actuator::MAX_WHEEL_SPEED_RAD_S as f64];
 /// Number of actuator buses of a controller.
 const BUSES: u8 = MAX_BUSES as u8;
+
+/// Largest torque and gains of a robot's motors. Larger numbers are usually in other units, such as N·mm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct MotorMaxima {
+    pub torque_nm: f64,
+    pub kp_nm_rad: f64,
+    pub kd_nm_s_rad: f64,
+}
+
+impl MotorMaxima {
+    /// Maxima of a robot with this mass. From 8 kg on, a motor may lift twice the robot's weight on a lever of 1 m.
+    pub fn of(mass_kg: f64) -> Self {
+        // `max` ignores a NaN.
+        let most =
+            |per_kg: f64, least: f64, most: f32| (per_kg * mass_kg).max(least).min(most.into());
+        Self {
+            torque_nm: most(20.0, 160.0, actuator::MAX_TORQUE_NM),
+            kp_nm_rad: most(100.0, 655.0, actuator::MAX_KP_NM_RAD),
+            kd_nm_s_rad: most(10.0, 65.0, actuator::MAX_KD_NM_S_RAD),
+        }
+    }
+}
 
 impl Check<'_> {
     pub(super) fn joint(&mut self, index: usize, joint: &Joint) {
@@ -55,7 +76,7 @@ impl Check<'_> {
         }
         self.unit_axis("axis_in_joint", &joint.axis_in_joint);
         self.joint_range(joint);
-        self.actuator(&joint.actuator);
+        self.actuator(&joint.actuator, SPEEDS_MAX_RAD_S[0]);
         if joint.actuator.kp_nm_rad <= 0.0 {
             let help = "give a stiffness above 0 N·m/rad, with which the joint holds its position";
             self.violated("kp_nm_rad", "is 0", help);
@@ -132,7 +153,8 @@ impl Check<'_> {
         }
     }
 
-    pub(super) fn actuator(&mut self, motor: &Actuator) {
+    pub(super) fn actuator(&mut self, motor: &Actuator, speed_max_rad_s: f64) {
+        let maxima = MotorMaxima::of(self.robot.total_mass_kg());
         let model = &motor.model;
         if model.is_empty() {
             self.violated("model", "is empty", "give the motor's model, such as \"XM430-W210-T\"");
@@ -149,15 +171,22 @@ impl Check<'_> {
             "speed_max_rad_s",
             motor.speed_max_rad_s,
             positive,
-            SPEED_MAX_RAD_S,
+            speed_max_rad_s,
             "rad/s",
             rpm,
         );
         let mm = "; divide N·mm by 1000";
-        self.range("torque_max_nm", motor.torque_max_nm, positive, TORQUE_MAX_NM, "N·m", mm);
+        self.range("torque_max_nm", motor.torque_max_nm, positive, maxima.torque_nm, "N·m", mm);
         if let Some(line) = &motor.torque_speed {
             let stall_nm = line.stall_torque_nm;
-            self.range("stall_torque_nm", stall_nm, positive, 1000.0, "N·m", mm);
+            self.range(
+                "stall_torque_nm",
+                stall_nm,
+                positive,
+                maxima.torque_nm.max(1000.0),
+                "N·m",
+                mm,
+            );
             let free_rad_s = line.no_load_speed_rad_s;
             self.range("no_load_speed_rad_s", free_rad_s, positive, 1000.0, "rad/s", rpm);
             // The line bounds the motor's capability: limits beyond its ends have no effect.
@@ -174,22 +203,8 @@ impl Check<'_> {
                 self.violated("speed_max_rad_s", problem, help);
             }
         }
-        self.range(
-            "kp_nm_rad",
-            motor.kp_nm_rad,
-            zero,
-            actuator::MAX_KP_NM_RAD.into(),
-            "N·m/rad",
-            "",
-        );
-        self.range(
-            "kd_nm_s_rad",
-            motor.kd_nm_s_rad,
-            zero,
-            actuator::MAX_KD_NM_S_RAD.into(),
-            "N·m·s/rad",
-            "",
-        );
+        self.range("kp_nm_rad", motor.kp_nm_rad, zero, maxima.kp_nm_rad, "N·m/rad", "");
+        self.range("kd_nm_s_rad", motor.kd_nm_s_rad, zero, maxima.kd_nm_s_rad, "N·m·s/rad", "");
         self.range("armature_kg_m2", motor.armature_kg_m2, positive, 10.0, "kg·m²", "");
         if motor.bus >= BUSES {
             let help = format!("a controller has buses 0 to {}", BUSES - 1);

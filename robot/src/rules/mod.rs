@@ -11,6 +11,7 @@ mod upright;
 
 use check::Check;
 pub(crate) use check::{ITEMS_MAX, LENGTH_MAX_M, is_a_length, length_help, show, violations};
+pub(crate) use joints::{MotorMaxima, SPEEDS_MAX_RAD_S};
 
 use rollwalk_protocol::text::Excerpt;
 use std::fmt;

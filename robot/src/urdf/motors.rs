@@ -6,8 +6,9 @@ use super::model::Joint;
 use super::names::{Names, allowed};
 use super::notes::Notes;
 use super::side::{ActuatorSide, MotorSide, Side};
+use crate::GRAVITY_M_S2;
 use crate::document::Span;
-use rollwalk_protocol::actuator::{MAX_KD_NM_S_RAD, MAX_KP_NM_RAD, MAX_SPEED_RAD_S, MAX_TORQUE_NM};
+use crate::rules::{MotorMaxima, SPEEDS_MAX_RAD_S};
 use rollwalk_protocol::actuators::bus::MAX_BUSES;
 use std::collections::HashSet;
 
@@ -34,6 +35,7 @@ const DEFAULT: &str = "default";
 pub(super) struct Motors<'s> {
     side: &'s Side,
     weight_n: f64,
+    maxima: MotorMaxima,
     pub sheets: Vec<DraftSheet>,
     names: Names,
     taken: HashSet<(u32, u32)>,
@@ -47,7 +49,8 @@ impl<'s> Motors<'s> {
         let motors = motors.chain(side.end_effectors.iter().map(|end| &end.motor));
         let taken = motors.filter_map(|motor| motor.address).collect();
         let names = Names::default();
-        Self { side, weight_n, sheets: vec![], names, taken, remarks: vec![] }
+        let maxima = MotorMaxima::of(weight_n / GRAVITY_M_S2);
+        Self { side, weight_n, maxima, sheets: vec![], names, taken, remarks: vec![] }
     }
 
     /// Motor of a joint.
@@ -111,22 +114,25 @@ impl<'s> Motors<'s> {
         let side = |index: usize| own.and_then(|own| own.numbers[index]);
         let fallback = |index: usize| default.and_then(|default| default.numbers[index]);
         let limits = joint.map(|joint| joint.limit).unwrap_or_default();
-        let usual = (self.weight_n * LEVER_M).min(MAX_TORQUE_NM.into());
-        let mut limit = |limit: &Limit, written: Option<f64>, usual: f64| {
+        let MotorMaxima { torque_nm: torque_most, kp_nm_rad: kp_most, kd_nm_s_rad: kd_most } =
+            self.maxima;
+        let speed_most = SPEEDS_MAX_RAD_S[usize::from(load.is_none())];
+        let usual = (self.weight_n * LEVER_M).min(torque_most);
+        let mut limit = |limit: &Limit, most: f64, written: Option<f64>, usual: f64| {
             if let Some(given) = side(limit.index) {
                 return given;
             }
-            let (taken, remark) = limit.settle(written, fallback(limit.index), usual);
+            let (taken, remark) = limit.settle(written, fallback(limit.index), usual, most);
             if let Some(remark) = remark {
                 self.remark_on(&about, remark);
             }
             taken
         };
-        let speed = limit(&SPEED, limits.velocity, SPEED_RAD_S);
-        let torque = limit(&TORQUE, limits.effort, usual);
+        let speed = limit(&SPEED, speed_most, limits.velocity, SPEED_RAD_S);
+        let torque = limit(&TORQUE, torque_most, limits.effort, usual);
         let or = |index, value: f64| side(index).or(fallback(index)).unwrap_or(value);
         // An effort beyond all drives is a placeholder value.
-        let placeholder = limits.effort.is_some_and(|effort| effort > TORQUE.max);
+        let placeholder = limits.effort.is_some_and(|effort| effort > torque_most);
         let strength = if placeholder { torque.min(usual) } else { torque };
         let armature = side(4).or(limits.armature_kg_m2.filter(|armature| *armature <= 10.0));
         let armature =
@@ -136,15 +142,15 @@ impl<'s> Motors<'s> {
             None => (side(2).unwrap_or(0.0), side(3).unwrap_or(armature / WHEEL_TIME_S)),
             Some(load) => {
                 let inertia = load.inertia_kg_m2 + armature;
-                let kp = or(2, stiffness(load.holds_nm, torque, inertia));
-                (kp, or(3, damping(kp, inertia)))
+                let kp = or(2, stiffness(load.holds_nm, torque, inertia, kp_most));
+                (kp, or(3, damping(kp, inertia, kd_most)))
             }
         };
         let model =
             own.and_then(|own| own.model.clone()).or_else(|| default.and_then(|d| d.model.clone()));
         let model = model.unwrap_or_else(|| {
             let sound = |written: Option<f64>, max| written.is_some_and(|w| w > 0.0 && w <= max);
-            let read = [sound(limits.velocity, SPEED.max), sound(limits.effort, TORQUE.max)];
+            let read = [sound(limits.velocity, speed_most), sound(limits.effort, torque_most)];
             match read {
                 [true, true] => "limits of the model",
                 [false, false] => "default of the import",
@@ -195,8 +201,6 @@ struct Limit {
     quantity: &'static str,
     field: &'static str,
     unit: &'static str,
-    /// Largest value of any drive.
-    max: f64,
 }
 
 const SPEED: Limit = Limit {
@@ -205,7 +209,6 @@ const SPEED: Limit = Limit {
     quantity: "speed",
     field: "speed_max_rad_s",
     unit: "rad/s",
-    max: MAX_SPEED_RAD_S as f64,
 };
 
 const TORQUE: Limit = Limit {
@@ -214,25 +217,26 @@ const TORQUE: Limit = Limit {
     quantity: "torque",
     field: "torque_max_nm",
     unit: "N·m",
-    max: MAX_TORQUE_NM as f64,
 };
 
 impl Limit {
-    /// Limit from the URDF, the side file's default or the usual value, with a remark if the URDF's cannot be used.
+    /// Limit from the URDF, the side file's default or the usual value, with a remark if the URDF's cannot be used. `max` is the
+    /// largest value of any drive.
     fn settle(
         &self,
         written: Option<f64>,
         default: Option<f64>,
         usual: f64,
+        max: f64,
     ) -> (f64, Option<String>) {
-        let Self { attribute, quantity, field, unit, max, .. } = self;
+        let Self { attribute, quantity, field, unit, .. } = self;
         let help = "give the right value in an [actuator.NAME] of the side file";
         match written {
-            Some(written) if written > 0.0 && written <= *max => (written, None),
-            Some(written) if written > *max => {
+            Some(written) if written > 0.0 && written <= max => (written, None),
+            Some(written) if written > max => {
                 let (most, of) = match default {
-                    Some(most) if most <= *max => (most, "from [actuator.default]"),
-                    _ => (*max, "the largest value of a drive"),
+                    Some(most) if most <= max => (most, "from [actuator.default]"),
+                    _ => (max, "the largest value of a drive"),
                 };
                 let remark = format!(
                     "has {attribute}=\"{written}\": `{field}` is {most:.3} {unit}, {of}; {help}"
@@ -256,17 +260,16 @@ impl Limit {
 }
 
 /// Default stiffness of a joint that holds a torque at the longest lever, N·m/rad.
-fn stiffness(holds_nm: f64, torque_nm: f64, inertia_kg_m2: f64) -> f64 {
-    let most = (torque_nm / SATURATION_RAD)
-        .min(inertia_kg_m2 / CONTROL_PERIOD_S.powi(2))
-        .min(MAX_KP_NM_RAD.into());
+fn stiffness(holds_nm: f64, torque_nm: f64, inertia_kg_m2: f64, largest: f64) -> f64 {
+    let most =
+        (torque_nm / SATURATION_RAD).min(inertia_kg_m2 / CONTROL_PERIOD_S.powi(2)).min(largest);
     two_digits((holds_nm / YIELD_RAD).min(most).max(KP_MIN_NM_RAD))
 }
 
 /// Default damping: critical on limb and rotor, or what is stable in the control period, N·m·s/rad.
-fn damping(kp_nm_rad: f64, inertia_kg_m2: f64) -> f64 {
+fn damping(kp_nm_rad: f64, inertia_kg_m2: f64, largest: f64) -> f64 {
     let critical = 2.0 * (kp_nm_rad.max(0.0) * inertia_kg_m2).sqrt();
-    two_digits(critical.min(inertia_kg_m2 / CONTROL_PERIOD_S).min(MAX_KD_NM_S_RAD.into()))
+    two_digits(critical.min(inertia_kg_m2 / CONTROL_PERIOD_S).min(largest))
 }
 
 /// Rounds down to two digits, so that limbs which differ by rounding share a data sheet.
@@ -288,16 +291,16 @@ mod tests {
     fn gains_follow_from_load_and_inertia_within_bounds() {
         // 12 kg on four legs of 0.4 m: 11.8 N·m at the longest lever.
         let holds_nm = 12.0 * 9.81 / 4.0 * 0.4;
-        assert_eq!(stiffness(holds_nm, 30.0, 0.1), 39.0);
+        assert_eq!(stiffness(holds_nm, 30.0, 0.1, 655.0), 39.0);
         // 2 √(39 · 0.1) = 3.9.
-        assert_eq!(damping(39.0, 0.1), 3.9);
-        // A weak motor would saturate, a light limb would be unstable, and a giant exceeds the protocol.
-        assert_eq!(stiffness(holds_nm, 2.0, 0.1), 20.0);
-        assert_eq!(stiffness(holds_nm, 30.0, 0.001), 14.0);
-        assert_eq!(damping(39.0, 0.001), 0.12);
-        assert_eq!(stiffness(1e4, 1e4, 1e3), 650.0);
-        assert_eq!(stiffness(0.0, 1.0, 1e-6), 0.1);
-        assert_eq!(damping(600.0, 100.0), 65.0);
+        assert_eq!(damping(39.0, 0.1, 65.0), 3.9);
+        // A weak motor would saturate, a light limb would be unstable, and a giant exceeds the largest gain.
+        assert_eq!(stiffness(holds_nm, 2.0, 0.1, 655.0), 20.0);
+        assert_eq!(stiffness(holds_nm, 30.0, 0.001, 655.0), 14.0);
+        assert_eq!(damping(39.0, 0.001, 65.0), 0.12);
+        assert_eq!(stiffness(1e4, 1e4, 1e3, 655.0), 650.0);
+        assert_eq!(stiffness(0.0, 1.0, 1e-6, 655.0), 0.1);
+        assert_eq!(damping(600.0, 100.0, 65.0), 65.0);
     }
 
     /// Eigenvalues of a double integrator under sampled feedback with the largest gains are inside the unit circle (Jury's
@@ -305,8 +308,8 @@ mod tests {
     #[test]
     fn the_largest_gains_are_stable_at_the_control_rate() {
         for inertia_kg_m2 in [1e-4, 0.01, 0.3] {
-            let kp = stiffness(1e6, 1e6, inertia_kg_m2);
-            let kd = damping(kp, inertia_kg_m2);
+            let kp = stiffness(1e6, 1e6, inertia_kg_m2, 655.0);
+            let kd = damping(kp, inertia_kg_m2, 65.0);
             let a = kp * CONTROL_PERIOD_S.powi(2) / inertia_kg_m2;
             let b = kd * CONTROL_PERIOD_S / inertia_kg_m2;
             let (trace, det) =

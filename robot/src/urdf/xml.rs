@@ -66,7 +66,10 @@ pub(super) fn read(notes: &mut Notes<'_>) -> Result<Urdf, DocumentError> {
     if root.tag_name().name() != "robot" {
         let name = root.tag_name().name();
         let help = match name {
-            "sdf" | "world" | "model" => "this is SDF: export the robot as URDF",
+            "sdf" | "world" | "model" => {
+                "this is SDF: convert it to MJCF with `sdf2mjcf robot.sdf robot.xml` (Python package \
+                 sdformat-mjcf)"
+            }
             _ => "give a URDF file, with one root element <robot name=\"…\">",
         };
         reader.fault(root, format!("the root element is <{name}>, not <robot>"), help);

@@ -293,8 +293,8 @@ fn more_motors_than_a_controller_has() {
         .collect();
     let found = faults("[[limb]]", &format!("{limbs}[[limb]]"));
     assert_eq!(found.len(), 1, "{found:#?}");
-    assert!(found[0].1.contains("and actuated wheels number 28"), "{found:#?}");
-    assert!(found[0].2.contains("at most 24"), "{found:#?}");
+    assert!(found[0].1.contains("and actuated wheels number 68"), "{found:#?}");
+    assert!(found[0].2.contains("at most 64"), "{found:#?}");
 }
 
 /// Tests the rules on robots without a file, whose faults have places instead of spans.
@@ -359,6 +359,37 @@ proptest! {
             let mut report = String::new();
             prop_assert!(handler.render_report(&mut report, &error).is_ok());
         }
+    }
+}
+
+/// Limits of motors grow with the robot's mass, and wheels may be faster than joints.
+#[test]
+fn motors_of_large_robots_may_be_stronger() {
+    let actuator = |robot: &mut Robot, torque_nm: f64, kp_nm_rad: f64| {
+        let motor = &mut robot.joints[0].actuator;
+        (motor.torque_max_nm, motor.kp_nm_rad, motor.kd_nm_s_rad) = (torque_nm, kp_nm_rad, 60.0);
+        motor.torque_speed = None;
+    };
+    let heavy = |mass_kg: f64| {
+        let mut robot = tiny();
+        let scale = mass_kg / robot.total_mass_kg();
+        for link in &mut robot.links {
+            link.mass_kg *= scale;
+            link.inertia_in_link_kg_m2 *= scale;
+        }
+        robot
+    };
+    for (mass_kg, most_nm, stiffest) in
+        [(0.2, 160.0, 655.0), (8.0, 160.0, 800.0), (500.0, 1e4, 5e4)]
+    {
+        let mut robot = heavy(mass_kg);
+        actuator(&mut robot, 0.999 * most_nm, 0.999 * stiffest);
+        robot.validate().unwrap();
+        robot.controller_config().unwrap().check().unwrap();
+        actuator(&mut robot, 1.001 * most_nm, 1.001 * stiffest);
+        let fields: Vec<_> =
+            robot.validate().unwrap_err().violations.iter().map(|of| of.field).collect();
+        assert_eq!(fields, ["torque_max_nm", "kp_nm_rad"]);
     }
 }
 

@@ -63,7 +63,9 @@ fn numbers_say_their_unit_and_files_where_they_end() {
 fn what_is_no_urdf() {
     refused("", SIDE, &["not XML"]);
     refused("<robot name=\"r\"><link name=\"a\">", SIDE, &["not XML"]);
-    refused("<sdf version=\"1.9\"/>", SIDE, &["<sdf>", "SDF"]);
+    for root in ["sdf version=\"1.9\"", "world name=\"w\"", "model name=\"m\""] {
+        refused(&format!("<{root}/>"), SIDE, &["this is SDF", "`sdf2mjcf robot.sdf robot.xml`"]);
+    }
     refused("<mujoco/>", SIDE, &["has no <body>"]);
     refused("<robot name=\"r\"/>", SIDE, &["no <link>"]);
     refused("name = \"agilebot\"", SIDE, &["not XML", "<robot"]);

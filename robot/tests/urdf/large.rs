@@ -1,4 +1,4 @@
-//! Tests of a robot of 40 channels with two arms, which exceeds the channels of a controller.
+//! Tests of a robot of 70 channels with two arms and hands, which exceeds the channels of a controller.
 
 use super::{good, imported};
 use rollwalk_robot::urdf::{Text, survey};
@@ -33,7 +33,8 @@ impl Builder {
     }
 }
 
-/// URDF of four legs with three joints and a wheel, and two arms with seven joints and five fingers: 16 + 14 + 10 channels.
+/// URDF of four legs with three joints and a wheel, and two arms with seven joints and five fingers of four joints: 16 + 14 + 40
+/// channels.
 fn centaur() -> String {
     let mut urdf = Builder { text: "<robot name=\"centaur\">\n".to_owned() };
     urdf.link("trunk", 20.0);
@@ -55,7 +56,12 @@ fn centaur() -> String {
             parent = name;
         }
         for finger in 1..=5 {
-            urdf.joint(&format!("{side}_finger_{finger}"), &parent, [0.1, 0.0, 0.0], "1 0 0", arm);
+            let mut parent = parent.clone();
+            for number in 1..=4 {
+                let name = format!("{side}_finger_{finger}_{number}");
+                urdf.joint(&name, &parent, [0.1, 0.0, 0.0], "1 0 0", arm);
+                parent = name;
+            }
         }
     }
     urdf.text + "</robot>\n"
@@ -66,18 +72,18 @@ fn the_proposed_side_file_locks_the_arms() {
     let urdf = centaur();
     let found = survey(Text { name: "centaur.urdf", text: &urdf }).unwrap();
     let warning = found.warnings.join("\n");
-    for words in ["centaur.urdf:", "`left_arm_1_joint`", "and 20 more", "40 channels", "at most 24"]
+    for words in ["centaur.urdf:", "`left_arm_1_joint`", "and 50 more", "70 channels", "at most 64"]
     {
         assert!(warning.contains(words), "{words} is missing in {warning}");
     }
     // Close to 0 within their limits.
-    assert_eq!(found.template.matches("= 0.2\n").count(), 24, "{}", found.template);
+    assert_eq!(found.template.matches("= 0.2\n").count(), 54, "{}", found.template);
     let robot = good(&urdf, &found.template).robot;
     assert_eq!(robot.channels().count(), 16);
     let config = robot.controller_config().unwrap();
     config.check().unwrap();
     // No mass is lost: locked links are part of the trunk.
-    let mass = 20.0 + 40.0 * 0.3;
+    let mass = 20.0 + 70.0 * 0.3;
     assert!((robot.total_mass_kg() - mass).abs() < 1e-9, "{}", robot.total_mass_kg());
 }
 
@@ -92,10 +98,10 @@ fn an_import_with_too_many_channels_says_what_to_lock() {
     let fault = error.faults().next().unwrap();
     assert_eq!(error.faults().count(), 1, "{error}");
     assert_eq!(fault.line, 2, "the body");
-    assert!(fault.message.contains("40 channels: 36 joints and 4 actuated wheels"), "{fault}");
+    assert!(fault.message.contains("70 channels: 66 joints and 4 actuated wheels"), "{fault}");
     for words in [
-        "at least 16 joints under [lock]",
-        "24 joints carry no foot or wheel",
+        "at least 6 joints under [lock]",
+        "54 joints carry no foot or wheel",
         "left_arm_1_joint = 0.2",
     ] {
         assert!(fault.help.contains(words), "{words} is missing in {}", fault.help);

@@ -85,7 +85,7 @@ fn radial_legs_stand_in_their_own_planes() {
             assert!(x.hypot(y) > 0.15 && z < -0.08, "{legs}: {end:?}");
         }
         assert!(are_level(&bottoms(&text), 1e-3), "{legs}: {:?}", bottoms(&text));
-        // A leg has three channels, and a controller has 24.
+        // All of them fit a controller.
         imported(&text);
     }
 }

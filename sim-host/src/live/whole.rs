@@ -15,8 +15,8 @@ const STEP: Duration = Duration::from_millis(1);
 const MOST_LAG_US: u64 = 20_000;
 
 /// Maximum number of the host's frames that wait for the link. On a busy bus a host has to wait, but loses no frame. A host
-/// sends up to ten set-points for each of 24 channels at once.
-const MOST_INWARD: usize = 512;
+/// sends up to ten set-points for each of 64 channels at once.
+const MOST_INWARD: usize = 1024;
 
 /// Time of the robot, which follows the computer's.
 struct Clock {

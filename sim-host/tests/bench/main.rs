@@ -4,6 +4,7 @@ mod agilebot;
 mod authenticated;
 mod flashing;
 mod grounded;
+mod large;
 mod leaving;
 mod operating;
 mod playing;

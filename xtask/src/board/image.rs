@@ -16,6 +16,19 @@ const COMPACT_HASHES: &str = "--cfg sha2_backend_soft=\"compact\"";
 /// Robot of the boards with CAN.
 const AGILEBOT: &str = "shipped/robots/agilebot.toml";
 
+/// Largest number of channels without the feature `many-channels`.
+const FEW_CHANNELS: usize = 24;
+
+/// Number of channels of a generated module.
+fn channels(module: &Path) -> Result<usize, String> {
+    let text = std::fs::read_to_string(module)
+        .map_err(|error| format!("{}: {error}", module.display()))?;
+    let count = text.split_once("[Channel; ").and_then(|(_, rest)| rest.split_once(']'));
+    count
+        .and_then(|(count, _)| count.parse().ok())
+        .ok_or_else(|| format!("{}: has no number of channels", module.display()))
+}
+
 /// Image of a board, a program of the board's workspace.
 pub struct Image {
     folder: &'static str,
@@ -121,6 +134,9 @@ impl Image {
     fn cargo(&self, selection: &[&str], robot: &Path) -> Result<(Command, PathBuf), String> {
         let bare_metal::Build { mut cargo, artefacts } = bare_metal::build(self.target)?;
         cargo.current_dir(shell::workspace_root().join(self.folder)).arg("--quiet").args(selection);
+        if channels(robot)? > FEW_CHANNELS {
+            cargo.args(["--features", "many-channels"]);
+        }
         cargo.env(ROBOT, robot);
         Ok((cargo, artefacts.join(self.name)))
     }

@@ -10,10 +10,15 @@ use super::std::string::String;
 use super::std::{format, println};
 use super::*;
 use crate::store::log::Log;
-use crate::store::parameters::SET_LEN;
+use crate::store::parameters::{PARAMETERS, set_len};
 use crate::store::record::Record;
 use embedded_storage::nor_flash::NorFlash;
 use rollwalk_protocol::crc::crc32c;
+
+/// Length of a set of a robot with up to 24 channels, bytes.
+const SET_LEN: usize = set_len(24);
+/// Store of a robot with up to 24 channels.
+type Store<F> = FlashParameters<F, SET_LEN>;
 
 /// Interval of the second cuts, bytes. Their offset shifts with the first cut.
 const SECOND_STEP: usize = 131;
@@ -32,10 +37,14 @@ enum Bug {
     BelieveAnything,
 }
 
-/// Parameter set for all 24 channels, with distinct values.
+/// Parameter set for 24 channels, with distinct values.
 fn set(seed: u16) -> ParameterSet {
+    set_of(24, seed)
+}
+
+fn set_of(channels: u16, seed: u16) -> ParameterSet {
     let value = |i: u16| f32::from(seed) + f32::from(i) / 128.0;
-    let values = (0..24).map(|c| [0, 1, 2].map(|p| value(3 * c + p))).collect();
+    let values = (0..channels).map(|c| [0, 1, 2].map(|p| value(3 * c + p))).collect();
     let feed_forward = if seed.is_multiple_of(2) { 1.0 } else { f32::from(seed) / 256.0 };
     ParameterSet { config_hash: 0x1234_5678 ^ u32::from(seed), values, feed_forward }
 }
@@ -74,7 +83,7 @@ struct Bench<const W: usize, const E: usize> {
 impl<const W: usize, const E: usize> Bench<W, E> {
     /// Saves the new set; returns the flash, and true if the save was acknowledged.
     fn save(&self, flash: NorSimulator<W, E>) -> (NorSimulator<W, E>, bool) {
-        let mut store = FlashParameters::mount(flash).unwrap();
+        let mut store = Store::mount(flash).unwrap();
         if self.bug == Bug::EraseNewest {
             store.log.forget_the_newest();
         }
@@ -84,7 +93,9 @@ impl<const W: usize, const E: usize> Bench<W, E> {
         if self.bug == Bug::InPlace {
             let mut flash = store.into_flash();
             let all = flash.cells().len() as u32;
-            let done = flash.erase(0, all).and_then(|()| flash.write(0, &self.new.encode(9)));
+            let done = flash
+                .erase(0, all)
+                .and_then(|()| flash.write(0, &Record::<SET_LEN>::encode(&self.new, 9)));
             return (flash, done.is_ok());
         }
         let saved = store.save(&self.new).is_ok();
@@ -97,7 +108,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
         let loaded = if self.bug == Bug::BelieveAnything {
             Log::mount::<SET_LEN, UncheckedSet, _>(&mut flash).unwrap().1.map(|set| set.0)
         } else {
-            FlashParameters::mount(flash.clone()).unwrap().load()
+            Store::mount(flash.clone()).unwrap().load()
         };
         let is_new = loaded.as_ref() == Some(&self.new);
         if !is_new && loaded != self.before {
@@ -160,7 +171,7 @@ fn start<const W: usize, const E: usize>(
     units: usize,
     saves: u16,
 ) -> (NorSimulator<W, E>, Option<ParameterSet>) {
-    let mut store = FlashParameters::mount(NorSimulator::<W, E>::blank(units)).unwrap();
+    let mut store = Store::mount(NorSimulator::<W, E>::blank(units)).unwrap();
     (0..saves).for_each(|i| store.save(&set(i)).unwrap());
     let last = store.load();
     assert_eq!(last, saves.checked_sub(1).map(set));
@@ -229,7 +240,7 @@ fn planted_bugs_are_found() {
 fn golden_bytes_of_a_set() {
     let values = [[1.0, 0.5, -2.0]].into_iter().collect();
     let set = ParameterSet { config_hash: 0xDEAD_BEEF, values, feed_forward: 1.0 };
-    let bytes = set.encode(7);
+    let bytes: [u8; SET_LEN] = set.encode(7);
     assert_eq!(
         bytes[..24],
         [
@@ -246,14 +257,33 @@ fn golden_bytes_of_a_set() {
 }
 
 #[test]
+fn sets_of_many_channels_are_longer() {
+    assert_eq!([1, 24, 25, 64].map(set_len), [320, 320, 800, 800]);
+    let mut store = FlashParameters::<_, { set_len(64) }>::mount(NorSimulator::<8, 1024>::blank(3));
+    let store = store.as_mut().unwrap();
+    for channels in [64, 25, 24, 1] {
+        store.save(&set_of(channels, 7)).unwrap();
+        assert_eq!(store.load(), Some(set_of(channels, 7)));
+    }
+    let mut short = Store::mount(NorSimulator::<8, 512>::blank(3)).unwrap();
+    assert_eq!(short.save(&set_of(25, 7)), Err(StoreError::OutOfRange));
+    assert_eq!(short.load(), None);
+    let bytes: [u8; set_len(64)] = set_of(64, 7).encode(9);
+    let last = 12 + 4 * PARAMETERS * 64;
+    assert_eq!(bytes[4..8], [0xB3, 3, 64, 1]);
+    assert_eq!(bytes[last..last + 4], (7.0_f32 / 256.0).to_le_bytes());
+    assert_eq!(bytes[796..], crc32c(&bytes[..796]).to_le_bytes());
+}
+
+#[test]
 fn flash_that_cannot_hold_a_set_is_refused() {
     let refused = |result: Result<_, GeometryError>| result.err();
     assert_eq!(
-        refused(FlashParameters::mount(NorSimulator::<8, 256>::blank(5)).map(|_| ())),
+        refused(Store::mount(NorSimulator::<8, 256>::blank(5)).map(|_| ())),
         Some(GeometryError::Capacity)
     );
     assert_eq!(
-        refused(FlashParameters::mount(NorSimulator::<64, 512>::blank(3)).map(|_| ())),
+        refused(Store::mount(NorSimulator::<64, 512>::blank(3)).map(|_| ())),
         Some(GeometryError::WordSize)
     );
 }
@@ -264,23 +294,23 @@ fn flash_that_cannot_hold_a_set_is_refused() {
 fn a_set_that_comes_back_is_older_than_what_was_saved_without_it() {
     for saves in 1..=20 {
         let (flash, _) = start::<8, 1024>(3, saves);
-        let newest = set(saves - 1).encode(saves.into());
+        let newest: [u8; SET_LEN] = set(saves - 1).encode(saves.into());
         let place = flash.mapped().windows(SET_LEN).position(|bytes| bytes == newest).unwrap();
         let mut flash = flash;
         flash.hide(place, true);
-        let mut store = FlashParameters::mount(flash).unwrap();
+        let mut store = Store::mount(flash).unwrap();
         assert_eq!(store.load(), saves.checked_sub(2).map(set));
         store.save(&set(1000)).unwrap();
         let mut flash = store.into_flash();
         flash.hide(place, false);
-        assert_eq!(FlashParameters::mount(flash).unwrap().load(), Some(set(1000)), "{saves}");
+        assert_eq!(Store::mount(flash).unwrap().load(), Some(set(1000)), "{saves}");
     }
 }
 
 /// Occasional writes fail without a power cut: sets whose save succeeded are there.
 #[test]
 fn a_flash_with_bad_days_keeps_what_it_said_it_keeps() {
-    let mut store = FlashParameters::mount(NorSimulator::<8, 2048>::blank(3)).unwrap();
+    let mut store = Store::mount(NorSimulator::<8, 2048>::blank(3)).unwrap();
     store.flash.failing = Some(3);
     let mut kept = None;
     for i in 0..200 {
@@ -303,9 +333,9 @@ proptest! {
         let mut flash = NorSimulator::<8, 512>::with(cells);
         flash.cells()[blank_from..].fill(0xFF);
         spoilt.iter().for_each(|&at| flash.make_unreadable(usize::from(at) % 1536));
-        let mut store = FlashParameters::mount(flash).unwrap();
+        let mut store = Store::mount(flash).unwrap();
         prop_assert_eq!(store.load(), None);
         store.save(&set(5)).unwrap();
-        prop_assert_eq!(FlashParameters::mount(store.into_flash()).unwrap().load(), Some(set(5)));
+        prop_assert_eq!(Store::mount(store.into_flash()).unwrap().load(), Some(set(5)));
     }
 }

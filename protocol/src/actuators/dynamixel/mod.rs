@@ -12,14 +12,13 @@ use serde::{Deserialize, Serialize};
 
 use super::fixed::nearest;
 use super::named;
-use super::serial::{Answer, ReceiveBuffer};
+use super::serial::{Answer, MAX_ON_LINE, ReceiveBuffer};
 use super::settings::{Keys, Report, check_integer, or};
 use super::traffic::polled;
 use super::{
     ActuatorCommand, Answers, Capabilities, Codec, Command, Faults, Feedback, Packet, Refusal,
     SerialCodec, Traffic, UpdatePolicy, Watchdog, without, without_torque,
 };
-use crate::config::MAX_CHANNELS;
 use crate::packet::append;
 
 pub mod packet;
@@ -82,7 +81,7 @@ impl From<Encoded> for Dynamixel {
 /// Bit of an answer's error byte that reports a hardware error.
 const ALERT: u8 = 0x80;
 /// Maximum size of the parameters of a sync write, bytes. The longest one writes gains.
-const MAX_WRITE: usize = 4 + MAX_CHANNELS * 7;
+const MAX_WRITE: usize = 4 + MAX_ON_LINE * 7;
 /// Step of the bus watchdog, ms.
 const WATCHDOG_STEP_MS: u32 = 20;
 /// Range of the bus watchdog, ms: up to 127 steps.
@@ -146,7 +145,7 @@ fn read_all(instruction: u8, address: u16, bytes: u16, ids: &[u8]) -> Option<Pac
 }
 
 /// Addresses of the servos that receive `command`, which has no values.
-fn addressed(orders: &[ActuatorCommand], command: Command) -> Vec<u8, MAX_CHANNELS> {
+fn addressed(orders: &[ActuatorCommand], command: Command) -> Vec<u8, MAX_ON_LINE> {
     let mut ids = Vec::new();
     for order in orders.iter().filter(|order| order.command == command) {
         let _ = ids.push(order.id);
@@ -378,8 +377,8 @@ impl Codec for Dynamixel {
         for (i, order) in orders.iter().enumerate() {
             self.writes(order).map_err(|refusal| (i, refusal))?;
         }
-        for orders in orders.chunks(MAX_CHANNELS) {
-            let mut all = Vec::<(u8, Writes), MAX_CHANNELS>::new();
+        for orders in orders.chunks(MAX_ON_LINE) {
+            let mut all = Vec::<(u8, Writes), MAX_ON_LINE>::new();
             for order in orders {
                 // Checked above, and chunks have at most as many orders as fit.
                 let _ = all.push((order.id, self.writes(order).unwrap_or_default()));

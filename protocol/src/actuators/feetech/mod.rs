@@ -12,14 +12,13 @@ use serde::{Deserialize, Serialize};
 
 use super::fixed::nearest;
 use super::named;
-use super::serial::{Answer, ReceiveBuffer};
+use super::serial::{Answer, MAX_ON_LINE, ReceiveBuffer};
 use super::settings::{Keys, Report, check_integer};
 use super::traffic::polled;
 use super::{
     ActuatorCommand, Answers, Capabilities, Codec, Command, Faults, Feedback, Packet, Refusal,
     SerialCodec, Traffic, UpdatePolicy, Watchdog, without, without_torque,
 };
-use crate::config::MAX_CHANNELS;
 use crate::packet::append;
 
 pub mod packet;
@@ -231,8 +230,8 @@ impl Codec for Feetech {
         for (i, order) in orders.iter().enumerate() {
             self.writes(order).map_err(|refusal| (i, refusal))?;
         }
-        for orders in orders.chunks(MAX_CHANNELS) {
-            let mut all = Vec::<(u8, Writes), MAX_CHANNELS>::new();
+        for orders in orders.chunks(MAX_ON_LINE) {
+            let mut all = Vec::<(u8, Writes), MAX_ON_LINE>::new();
             for order in orders {
                 // Checked above, and chunks have at most as many orders as fit.
                 let _ = all.push((order.id, self.writes(order).unwrap_or_default()));
