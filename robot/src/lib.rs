@@ -20,6 +20,7 @@
 
 mod actuator;
 mod blade;
+pub mod catalog;
 mod channel;
 mod clearance;
 mod contact;

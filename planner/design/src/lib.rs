@@ -33,7 +33,6 @@
 
 #![warn(missing_docs)]
 
-pub mod catalog;
 pub mod designed;
 pub mod duty;
 pub mod file;
@@ -47,3 +46,5 @@ pub mod repair;
 pub mod rounding;
 pub mod sweep;
 pub mod text;
+
+pub use rollwalk_robot::catalog;

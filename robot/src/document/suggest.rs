@@ -87,7 +87,8 @@ fn similarity(given: &str, name: &str) -> Option<f64> {
         return Some(1.0);
     }
     // Mark of a variant: `-T` is a servo with another connector.
-    if is_model(name) && given.strip_prefix(name).is_some_and(|of| VARIANTS.contains(&of)) {
+    let variant = given.strip_prefix(name).or(name.strip_prefix(given));
+    if is_model(name) && variant.is_some_and(|of| VARIANTS.contains(&of)) {
         return Some(1.0);
     }
     if is_model(name) || digits(given) != digits(name) {

@@ -2,14 +2,16 @@
 
 use super::parts::{self, MassProperties};
 use crate::actuator::{Actuator, TorqueSpeedLine};
+use crate::catalog::{Catalog, Servo};
 use crate::contact::RollingDrag;
-use crate::document::Table;
+use crate::document::{Table, alternatives};
 use crate::model::SoftMaterial;
 use crate::rules::ITEMS_MAX;
 use crate::solid::Solid;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_protocol::actuator::MAX_ID;
 use rollwalk_protocol::actuators::bus::MAX_BUSES;
+use rollwalk_protocol::text::Excerpt;
 use std::f64::consts::TAU;
 
 const INERTIA: &str = "inertia_in_link_kg_m2";
@@ -110,21 +112,53 @@ pub(super) fn soft_material(table: &Table<'_>) -> SoftMaterial {
     }
 }
 
-/// Reads a data sheet: all fields of a motor except its address (bus and id).
+/// Reads a data sheet: all fields of a motor except its address (bus and id). A servo of the catalogue supplies absent fields.
 pub(super) fn data_sheet(table: &Table<'_>) -> Actuator {
+    let servo = table.given("servo", servo);
+    let servo = servo.as_ref();
+    let or = |key, of: fn(&Servo) -> Option<f64>| match servo.and_then(of) {
+        Some(value) if !table.has(key) => value,
+        _ => number(table, key),
+    };
+    let line = |servo: &Servo| {
+        let no_load_speed_rad_s = servo.no_load_speed_rad_s;
+        servo
+            .stall_torque_nm
+            .map(|stall_torque_nm| TorqueSpeedLine { stall_torque_nm, no_load_speed_rad_s })
+    };
     let actuator = Actuator {
-        model: table.string("model").unwrap_or_default(),
-        speed_max_rad_s: number(table, "speed_max_rad_s"),
-        torque_max_nm: number(table, "torque_max_nm"),
-        kp_nm_rad: number(table, "kp_nm_rad"),
-        kd_nm_s_rad: number(table, "kd_nm_s_rad"),
-        armature_kg_m2: number(table, "armature_kg_m2"),
-        torque_speed: torque_speed(table),
+        model: match servo {
+            Some(servo) if !table.has("model") => servo.name.clone(),
+            _ => table.string("model").unwrap_or_default(),
+        },
+        speed_max_rad_s: or("speed_max_rad_s", |servo| Some(servo.speed_max_rad_s)),
+        torque_max_nm: or("torque_max_nm", |servo| Some(servo.torque_max_nm)),
+        kp_nm_rad: or("kp_nm_rad", |servo| servo.kp_nm_rad),
+        kd_nm_s_rad: or("kd_nm_s_rad", |servo| servo.kd_nm_s_rad),
+        armature_kg_m2: or("armature_kg_m2", |servo| servo.armature_kg_m2),
+        torque_speed: match ["stall_torque_nm", "no_load_speed_rad_s"].map(|key| table.has(key)) {
+            [false, false] => servo.and_then(line),
+            _ => torque_speed(table),
+        },
         bus: 0,
         id: 0,
     };
     table.done();
     actuator
+}
+
+/// Reads the name of a servo in the shipped catalogue.
+fn servo(table: &Table<'_>, key: &'static str) -> Option<Servo> {
+    let name = table.string(key)?;
+    let catalog = Catalog::shipped();
+    let servo = catalog.get(&name).cloned();
+    if servo.is_none() {
+        let known = catalog.servos().iter().map(|servo| servo.name.as_str());
+        let problem =
+            format_args!("is \"{}\", which is not in the catalogue", Excerpt::start_of(&name));
+        table.fault(key, problem, "unknown servo", alternatives(&name, known));
+    }
+    servo
 }
 
 /// Reads the torque-speed line of a data sheet. Both of its values or neither must be present.

@@ -32,7 +32,7 @@ fn unknown_keys_and_tables() {
         "kp_nm_rad = 50.0\nki = 1",
         "ki",
         "actuator `servo`: unknown key `ki`",
-        "valid names: `model`",
+        "valid names: `servo`, `model`",
     );
     assert_fault(
         "box_m = [0.02, 0.02, 0.2] },\n",

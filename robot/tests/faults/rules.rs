@@ -393,6 +393,37 @@ fn motors_of_large_robots_may_be_stronger() {
     }
 }
 
+/// A servo of the catalogue supplies the fields that its table lacks.
+#[test]
+fn a_data_sheet_may_name_a_servo_of_the_catalogue() {
+    let sheet = &ROBOT[ROBOT.find("model = ").unwrap()..ROBOT.find("\n\n[[link]]").unwrap()];
+    let with = |sheet: &str, new: &str| Robot::from_toml("tiny.toml", &ROBOT.replace(sheet, new));
+    let motor = |new: &str| with(sheet, new).unwrap().joints[0].actuator.clone();
+    let whole = motor("servo = \"XL330-M288-T\"");
+    let servo = rollwalk_robot::catalog::Catalog::shipped().get("XL330-M288-T").unwrap().clone();
+    assert_eq!((whole.model.as_str(), whole.torque_max_nm), ("XL330-M288-T", servo.torque_max_nm));
+    assert_eq!(whole.speed_max_rad_s, servo.speed_max_rad_s);
+    assert_eq!([whole.kp_nm_rad, whole.kd_nm_s_rad, whole.armature_kg_m2], [15.0, 0.15, 0.001]);
+    let line = whole.torque_speed.unwrap();
+    assert_eq!(line.no_load_speed_rad_s, servo.no_load_speed_rad_s);
+    let mine =
+        motor("servo = \"XL330-M288-T\"\nmodel = \"mine\"\ntorque_max_nm = 0.2\nkp_nm_rad = 9.0");
+    assert_eq!((mine.model.as_str(), mine.torque_max_nm, mine.kp_nm_rad), ("mine", 0.2, 9.0));
+    assert_eq!(mine.speed_max_rad_s, servo.speed_max_rad_s);
+    // Without gains in the catalogue, the table must have them.
+    let error = with(sheet, "servo = \"CyberGear\"").unwrap_err();
+    let missing: Vec<_> = error.faults().map(ToString::to_string).collect();
+    assert_eq!(missing.len(), 3, "{missing:#?}");
+    for key in ["kp_nm_rad", "kd_nm_s_rad", "armature_kg_m2"] {
+        assert!(missing.iter().any(|fault| fault.contains(key)), "{missing:#?}");
+    }
+    let found = faults("model = \"S1\"", "servo = \"XL330-M288\"\nmodel = \"S1\"");
+    assert_eq!(found.len(), 1, "{found:#?}");
+    assert!(found[0].1.contains("`servo` is \"XL330-M288\", which is not in the catalogue"));
+    let help = &found[0].2;
+    assert!(help.starts_with("did you mean `XL330-M288-T`? valid names: `XL330-M077-T`"), "{help}");
+}
+
 #[test]
 fn motors_and_wheels_out_of_range() {
     assert_fault(

@@ -63,6 +63,7 @@ fn robot(legs: usize) -> Robot {
                 position_max_rad: 1.5,
                 nominal_rad: 0.2,
                 actuator: actuator(leg, number),
+                motor_per_joint: Vec::new(),
             });
         }
         robot.end_effectors.push(EndEffector {

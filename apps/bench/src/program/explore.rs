@@ -40,7 +40,7 @@ pub struct Args {
     /// Folder for journals, tables and the figure; created if it is missing.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Catalogue of servos (TOML) [default: the shipped one, planner/design/servos.toml].
+    /// Catalogue of servos (TOML) [default: the shipped one, robot/servos.toml].
     #[arg(long, value_name = "SERVOS.toml")]
     servos: Option<PathBuf>,
     /// Column of the tables to draw in the figure [default: the first that the design's goal minimises, else cost_of_transport,

@@ -29,7 +29,7 @@ pub struct Args {
     /// Other servo for an actuator of the robot file, with its limits, torque-speed line and mass; may be given several times.
     #[arg(long, value_name = "ACTUATOR=SERVO", value_parser = parameter_setting::parse_servo)]
     servo: Vec<[String; 2]>,
-    /// Servo catalogue (TOML) [default: the one that ships, planner/design/servos.toml].
+    /// Servo catalogue (TOML) [default: the one that ships, robot/servos.toml].
     #[arg(long, value_name = "SERVOS.toml", requires = "servo")]
     servos: Option<PathBuf>,
     #[command(flatten)]

@@ -28,7 +28,7 @@ pub struct Args {
     /// Design file (TOML).
     #[arg(value_name = "DESIGN.toml")]
     design: PathBuf,
-    /// Servo catalogue (TOML) [default: the one that ships, planner/design/servos.toml].
+    /// Servo catalogue (TOML) [default: the one that ships, robot/servos.toml].
     #[arg(long, value_name = "SERVOS.toml")]
     servos: Option<PathBuf>,
     /// Print as JSON.

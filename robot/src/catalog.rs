@@ -4,7 +4,7 @@
 //! Motions may therefore use [`TORQUE_USED`] of the stall torque and [`SPEED_USED`] of the no-load speed, as in the shipped
 //! robot files. A rated torque in the catalogue replaces the derated stall torque.
 
-use rollwalk_robot::document::{Document, DocumentError, Table};
+use crate::document::{Document, DocumentError, Table};
 use std::f64::consts::TAU;
 
 /// Fraction of the no-load speed that joints may use.
@@ -35,6 +35,12 @@ pub struct Servo {
     pub torque_max_nm: f64,
     /// Mass.
     pub mass_kg: f64,
+    /// Default stiffness of a joint; `None` if the catalogue has none.
+    pub kp_nm_rad: Option<f64>,
+    /// Default damping of a joint; `None` if the catalogue has none.
+    pub kd_nm_s_rad: Option<f64>,
+    /// Inertia of rotor and gears at the output; `None` if the catalogue has none.
+    pub armature_kg_m2: Option<f64>,
     /// Document with the maker's values.
     pub source: String,
 }
@@ -58,8 +64,7 @@ impl Catalog {
     /// # Panics
     /// Never: a test reads the shipped file.
     pub fn shipped() -> Self {
-        Self::from_toml("planner/design/servos.toml", SHIPPED)
-            .expect("the catalogue that ships is sound")
+        Self::from_toml("robot/servos.toml", SHIPPED).expect("the catalogue that ships is sound")
     }
 
     /// Parses a catalogue. `name` appears in messages only.
@@ -116,6 +121,11 @@ fn servo(mut table: Table<'_>) -> Option<Servo> {
     let mass_kg = table.number_in("mass_kg", 1e-4..=100.0, "kg");
     let torque = |key| table.given(key, |table, key| table.number_in(key, 1e-4..=10_000.0, "N·m"));
     let [stall, rated] = ["stall_torque_nm", "rated_torque_nm"].map(torque);
+    let positive =
+        |key, unit| table.given(key, |table, key| table.number_in(key, 1e-9..=10_000.0, unit));
+    let (kp_nm_rad, kd_nm_s_rad) =
+        (positive("kp_nm_rad", "N·m/rad"), positive("kd_nm_s_rad", "N·m·s/rad"));
+    let armature_kg_m2 = positive("armature_kg_m2", "kg·m²");
     table.done();
     let Some(torque_max_nm) = rated.or(stall.map(|stall| TORQUE_USED * stall)) else {
         let help = "give `stall_torque_nm`, or `rated_torque_nm` if the maker states a rated \
@@ -133,6 +143,9 @@ fn servo(mut table: Table<'_>) -> Option<Servo> {
         speed_max_rad_s: to_thousandth(SPEED_USED * no_load_speed_rad_s),
         torque_max_nm: to_thousandth(torque_max_nm),
         mass_kg: mass_kg?,
+        kp_nm_rad,
+        kd_nm_s_rad,
+        armature_kg_m2,
         source: source?,
     })
 }
