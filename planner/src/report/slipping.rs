@@ -7,7 +7,7 @@
 use super::grid::{Timeline, Window, feet};
 use super::residual::{Grid, WorstCase};
 use crate::families::Family;
-use crate::problem::state::ContactFrame;
+use crate::problem::state::{ContactFrame, rolling_direction};
 use nalgebra::Vector3;
 use rollwalk_robot::EndEffector;
 
@@ -26,8 +26,13 @@ pub(super) fn slip_m_s(
     let rolled = if foot.contact.rolls() {
         let angles =
             [here.tilt_rad + after.tilt_rad, here.yaw_rad + after.yaw_rad].map(|sum| 0.5 * sum);
-        let direction = ContactFrame::between(foot.radius_m, angles, ends).rolling;
-        direction * (here.wheel_speed_rad_s * foot.radius_m)
+        let frame = ContactFrame::between(foot.radius_m, angles, ends);
+        let rolled = frame.rolling * (here.wheel_speed_rad_s * foot.radius_m);
+        // On uneven ground, the rim moves further than the contact point.
+        let turn = Vector3::z() * (after.yaw_rad - here.yaw_rad)
+            + rolling_direction(angles[1]) * (after.tilt_rad - here.tilt_rad);
+        let rim = ends[0].to_contact - ends[1].to_contact + turn.cross(&frame.to_contact);
+        if frame.by_normal.is_some() { rolled - rim / h } else { rolled }
     } else {
         // The sphere of a foot rolls with its link.
         let normal = (ends[0].normal + ends[1].normal) * 0.5;

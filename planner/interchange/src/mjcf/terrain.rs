@@ -10,6 +10,9 @@ use std::io;
 const DEPTH_M: f64 = 0.5;
 /// Length of level ground before and after a profile, and half of its width, m.
 const FAR_M: f64 = 20.0;
+/// Number of exported intervals for an interval of a height field, and maximum number of heights along an axis.
+const FIELD_REFINED: usize = 6;
+const FIELD_MAX: usize = 400;
 /// Name of the asset of a height field.
 const FIELD: &str = "terrain";
 
@@ -26,7 +29,7 @@ pub(super) fn names(terrain: Option<&Terrain>) -> Vec<String> {
 /// Writes the asset of a height field.
 pub(super) fn assets(xml: &mut Xml, terrain: Option<&Terrain>) -> io::Result<()> {
     let Some(Shape::Field(field)) = terrain.map(|terrain| &terrain.shape) else { return Ok(()) };
-    let [columns, rows] = field.counts();
+    let [columns, rows] = counts(field);
     let heights_m = heights(field);
     let [least_m, most_m] = bounds(&heights_m);
     let [x_m, y_m] = field.extent_m();
@@ -112,8 +115,15 @@ fn quaternion(rotation: &Rotation3<f64>) -> String {
     numbers(&[of.w, of.i, of.j, of.k])
 }
 
+/// Number of exported heights along x and y. Between them the surface is linear, and between the file's a spline.
+fn counts(field: &HeightField) -> [usize; 2] {
+    let refined =
+        FIELD_REFINED.min(FIELD_MAX / field.counts().into_iter().max().unwrap_or(1)).max(1);
+    field.counts().map(|count| refined * (count - 1) + 1)
+}
+
 fn heights(field: &HeightField) -> Vec<f64> {
-    let ([columns, rows], [x_m, y_m]) = (field.counts(), field.extent_m());
+    let ([columns, rows], [x_m, y_m]) = (counts(field), field.extent_m());
     let at = |[low, high]: [f64; 2], k: usize, count: usize| {
         low + (high - low) * k as f64 / (count - 1) as f64
     };

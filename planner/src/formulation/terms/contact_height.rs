@@ -1,8 +1,8 @@
 //! Height of contact points above the ground (Eq. 2.9), e_z − h(e_x, e_y): 0 in stance, the profile of [`crate::motion::swing`]
 //! in swing. One row per end effector and sample, m.
 //!
-//! On terrain with edges h is the envelope in swing, and the height is between the profile and the profile plus a band: two
-//! inequality rows. With the profile alone, swings could not be above an edge half-way between samples
+//! On terrain with edges h is the envelope in swing, and the height is between the profile and the profile plus a band where
+//! the profile is above 0: two inequality rows. With the profile alone, swings could not be above an edge half-way between samples
 //! ([`super::swing_clearance`]); without an upper end, a leg was thrown up to balance.
 
 use crate::families::Family;
@@ -33,7 +33,8 @@ impl Term for ContactHeight {
             let ground = &window.states[1].frames[j].ground;
             let above_m = window.states[1].vars[ee.position + 2] - ground.height_m;
             let height = window.problem.height_m[window.at[1]][j];
-            if !has_edges || window.stance(1, j) {
+            // A foot that is on the ground at the first and last sample of its swing lands without speed.
+            if !has_edges || window.stance(1, j) || height == 0.0 {
                 out.set(1.0, Role::Equality);
                 out.d_height(1, ee.position, 1.0, ground);
                 out.row_of(Subject::EndEffector(j), above_m - height);

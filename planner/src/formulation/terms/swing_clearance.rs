@@ -35,6 +35,12 @@ impl Term for SwingClearance {
             if window.stance(1, j) && window.stance(2, j) {
                 continue;
             }
+            let profile = [1, 2].map(|k| problem.height_m[window.at[k]][j]);
+            let least_m = PROFILE * 0.5 * (profile[0] + profile[1]);
+            // On the ground at both ends of the interval.
+            if least_m == 0.0 {
+                continue;
+            }
             let swings = if window.stance(1, j) { 2 } else { 1 };
             let envelope = &problem.contacts[window.at[swings]][j].map;
             let weighted = |k: usize| window.states[k].vector(ee.position) * HALF_WAY[k];
@@ -43,8 +49,6 @@ impl Term for SwingClearance {
             for (k, weight) in HALF_WAY.into_iter().enumerate() {
                 out.d_height(k, ee.position, -weight, &below);
             }
-            let profile = [1, 2].map(|k| problem.height_m[window.at[k]][j]);
-            let least_m = PROFILE * 0.5 * (profile[0] + profile[1]);
             out.row_of(Subject::EndEffector(j), below.height_m + least_m - point.z);
         }
     }
