@@ -6,10 +6,6 @@ use nalgebra::{DVector, Matrix3, Vector3};
 use rollwalk_multibody::euler::{Model, Pose, SweptMoment};
 use rollwalk_multibody::ground::{Elevation, ElevationMap};
 
-/// Number of fixed-point iterations for the contact point of a centre. The error falls with the ratio of the wheel's radius to
-/// the ground's radius of curvature.
-const ROUNDS: usize = 8;
-
 /// Sample with all values that terms use.
 #[derive(Clone, Debug)]
 pub struct State {
@@ -100,14 +96,20 @@ impl ContactFrame {
         ground: &ElevationMap,
         center: &Vector3<f64>,
     ) -> Self {
-        let mut frame = Self::new(radius_m, tilt_and_yaw_rad, ground, center);
-        // The contact point depends on the normal that it has: a fixed point, as long as ground bends less than the rim.
-        let rounds = if ground.is_level() { 0 } else { ROUNDS };
-        for _ in 0..rounds {
-            let contact = center + frame.to_contact;
-            frame = Self::new(radius_m, tilt_and_yaw_rad, ground, &contact);
-        }
-        frame
+        let flat = match tilt_and_yaw_rad {
+            Some([tilt_rad, yaw_rad]) => Self::wheel(radius_m, tilt_rad, yaw_rad),
+            None => Self::foot(radius_m),
+        };
+        let normal = ground.normal_below(center, |normal| {
+            let frame = flat.on_slope(radius_m, normal);
+            let by_normal = frame.by_normal.map(|by| by.d_to_contact).unwrap_or_default();
+            (frame.to_contact, by_normal)
+        });
+        let to_contact = match ground.is_level() {
+            true => flat.to_contact,
+            false => flat.on_slope(radius_m, &normal).to_contact,
+        };
+        Self::new(radius_m, tilt_and_yaw_rad, ground, &(center + to_contact))
     }
 
     /// Frame of a wheel on level ground.

@@ -13,13 +13,10 @@
 
 use crate::ground::ElevationMap;
 use crate::{ANGULAR, Frames, JOINTS, Kinematics, Tree};
-use nalgebra::{Matrix3xX, Vector3};
+use nalgebra::{Matrix3, Matrix3xX, Vector3};
 
 /// Smallest |g| for which the lowest point is defined: the sine of the angle between axis and normal.
 const SMALLEST_SINE: f64 = 1e-6;
-
-/// Number of fixed-point iterations for the contact point on uneven ground.
-const ROUNDS: usize = 8;
 
 /// Contact point of an end effector: the point that is nearest to a plane below it, or deepest in it.
 ///
@@ -82,21 +79,26 @@ impl RimContact {
         })
     }
 
-    /// Contact of an end effector with uneven ground, along the ground normal at the contact point. The fixed-point iteration
-    /// converges if the ground bends less than the rim. `None` if the wheel lies flat, as in [`new`](Self::new).
+    /// Contact of an end effector with uneven ground, along the ground normal at the contact point. `None` if the wheel lies flat, as in [`new`](Self::new).
     pub fn on(
         tree: &Tree,
         frames: &Frames,
         end_effector: usize,
         ground: &ElevationMap,
     ) -> Option<Self> {
-        let mut contact = Self::new(tree, frames, end_effector, &Vector3::z())?;
-        let rounds = if ground.is_level() { 0 } else { ROUNDS };
-        for _ in 0..rounds {
-            let normal = ground.at(&contact.position()).normal();
-            contact = Self::new(tree, frames, end_effector, &normal)?;
+        let level = Self::new(tree, frames, end_effector, &Vector3::z())?;
+        if ground.is_level() {
+            return Some(level);
         }
-        Some(contact)
+        let (axis, radius_m) = (level.axis, tree.robot().end_effectors[end_effector].radius_m);
+        let across = Matrix3::identity() - axis * axis.transpose();
+        let normal = ground.normal_below(&level.center, |normal| {
+            let upward = across * normal;
+            let unit = upward.normalize();
+            let by_upward = (Matrix3::identity() - unit * unit.transpose()) / upward.norm();
+            (unit * -radius_m, by_upward * across * -radius_m)
+        });
+        Self::new(tree, frames, end_effector, &normal)
     }
 
     /// Unit normal of the plane, away from the ground.

@@ -2,8 +2,15 @@
 //! overhangs has no such height.
 
 use super::{Contour, Elevation, HeightField};
-use nalgebra::{Matrix2, Rotation2, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Rotation2, Vector2, Vector3};
 use std::sync::Arc;
+
+/// Maximum number of Newton steps to the contact point of a rim.
+const ROUNDS: usize = 20;
+/// Number of lengths that are tried for a step, each half of the one before.
+const HALVINGS: i32 = 8;
+/// Error of a contact point, m.
+const CONTACT_ERROR_M: f64 = 1e-12;
 
 /// Height of the ground over the x-y plane.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,6 +87,44 @@ impl ElevationMap {
         point.z - self.at(point).height_m
     }
 
+    /// Unit normal where a rim or sphere touches the ground. `rim` returns the vector ρ from the centre to the contact point for
+    /// a normal n, and ∂ρ/∂n.
+    ///
+    /// The contact point e solves c + ρ(n(e)) = e: Newton's method with steps that reduce the residual. A fixed-point iteration
+    /// would diverge on edges, where the ground bends more than the rim.
+    pub fn normal_below(
+        &self,
+        center: &Vector3<f64>,
+        rim: impl Fn(&Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>),
+    ) -> Vector3<f64> {
+        if self.is_level() {
+            return Vector3::z();
+        }
+        let residual = |at: &Vector2<f64>| {
+            let here = self.at_xy(*at);
+            let (to_contact, by_normal) = rim(&here.normal());
+            let off = (center + to_contact).xy() - at;
+            (off, (by_normal * here.d_normal()).fixed_rows::<2>(0) - Matrix2::identity())
+        };
+        let mut at = (center + rim(&Vector3::z()).0).xy();
+        let (mut off, mut by_place) = residual(&at);
+        for _ in 0..ROUNDS {
+            if off.amax() < CONTACT_ERROR_M {
+                break;
+            }
+            let step = by_place.lu().solve(&-off).unwrap_or(off);
+            let shorter = (0..HALVINGS).map(|k| at + step * 0.5f64.powi(k));
+            let mut tried = shorter.map(|next| (next, residual(&next)));
+            let Some((next, evaluated)) = tried.find(|(_, (next, _))| next.norm() < off.norm())
+            else {
+                break;
+            };
+            at = next;
+            (off, by_place) = evaluated;
+        }
+        self.at_xy(at).normal()
+    }
+
     /// First-order distance of a point from the ground, (z − h)/|ν|, m, and its gradient.
     pub fn distance(&self, point: &Vector3<f64>) -> (f64, Vector3<f64>) {
         if let Self::Level(height_m) = self {
@@ -122,6 +167,25 @@ mod tests {
                 let numeric = (at(step) - at(-step)) / (2.0 * step);
                 assert!((numeric - here.upward()[axis]).abs() < 1e-8);
             }
+        }
+    }
+
+    /// Tests a sphere on an edge that is rounded far more sharply than the sphere.
+    #[test]
+    fn a_sphere_touches_a_sharp_edge_where_its_centre_says() {
+        let (radius_m, height_m) = (0.1, 0.04);
+        let step = crate::ground::Profile::step(0.0, height_m).unwrap();
+        let contour = Contour::of(&step, crate::ground::Filter::Rolled(1.2 * radius_m), 0.008);
+        let map = ElevationMap::Contour(Arc::new(contour));
+        let rim = |n: &Vector3<f64>| (n * -radius_m, Matrix3::identity() * -radius_m);
+        for k in 0..200 {
+            let contact = Vector3::new(0.001 * f64::from(k) - 0.12, 0.0, 0.0);
+            let here = map.at(&contact);
+            let center = contact + Vector3::z() * here.height_m + here.normal() * radius_m;
+            let found = map.normal_below(&center, rim);
+            // Equal centres may have two contact points only where the rim bends like the ground.
+            let touches = center - found * radius_m;
+            assert!(map.height_above_m(&touches).abs() < 1e-9, "{contact:?}: {touches:?}");
         }
     }
 
