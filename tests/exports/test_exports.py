@@ -59,6 +59,31 @@ class Exports(unittest.TestCase):
             self.assertTrue(0.95 <= ratio <= 1.05, f"{motion}: {played} of {planned}")
             self.assertGreater(height, 0.9, motion)
 
+    def test_terrain_is_crossed_in_mujoco(self):
+        kerb = "[step]\nat_x_m = 0.6\nheight_m = 0.019\n"
+        rough = "heading_deg = 30\n[rough]\nheight_m = 0.03\nspacing_m = 0.2\nhalf_m = 2\nseed = 1\n"
+        slope = "[slope]\nangle_deg = 8\n"
+        stairs = "[stairs]\nat_x_m = 0.6\ncount = 2\nriser_m = -0.015\ntread_m = 0.5\n"
+        for name, terrain in {"kerb": kerb, "rough": rough, "slope": slope, "stairs": stairs}.items():
+            self.path(f"{name}.toml").write_text(terrain)
+            self.path("over.toml").write_text(
+                f"""name = "over"
+                robot = "{ROOT}/shipped/robots/anymal_wheels.toml"
+                terrain = "{name}.toml"
+                ends = "at_rest"
+                duration_s = 5.0
+                samples = 100
+                footfalls = {{ all = "stance" }}
+                goal = {{ forward_m = 1.3, left_m = 0.0, turn_rad = 0.0 }}
+                """
+            )
+            run("plan", self.path("over.toml"), "-o", self.path("over.json"))
+            run("export", self.path("over.json"), "-o", self.path("over.xml"))
+            planned, played, height = replay.Motion(self.path("over.xml")).play()
+            print(f"{name}: {played[0] / planned[0]:.4f} of the planned way")
+            self.assertTrue(0.95 <= played[0] / planned[0] <= 1.05, f"{name}: {played} of {planned}")
+            self.assertGreater(height, 0.9, name)
+
     def test_keyframes_are_the_rows_of_the_table(self):
         for motion in MOTIONS:
             table, frames = self.table(motion), replay.Motion(self.path(f"{motion}.xml"))

@@ -2,8 +2,8 @@
 //! in swing. One row per end effector and sample, m.
 //!
 //! On terrain with edges h is the envelope in swing, and the height is between the profile and the profile plus a band where
-//! the profile is above 0: two inequality rows. With the profile alone, swings could not be above an edge half-way between samples
-//! ([`super::swing_clearance`]); without an upper end, a leg was thrown up to balance.
+//! the profile is above 0: two inequality rows. With the profile alone, swings could not be above an edge half-way between
+//! samples ([`super::swing_clearance`]); without an upper end, a leg was thrown up to balance.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
