@@ -174,7 +174,7 @@ fn readings() {
         assert_eq!(text(m.encode(node())), golden);
         assert_eq!(ActuatorReadings::decode(&m.encode(node())), Ok((node(), m)));
     }
-    // What does not fit saturates, and what is no number is 0.
+    // Values out of range saturate, and NaN becomes 0.
     let (temperature_c, voltage_v) = (Some(f32::NEG_INFINITY), Some(f32::NAN));
     let wild = ActuatorReadings { channel: 0, temperature_c, voltage_v };
     let read = ActuatorReadings::decode(&wild.encode(node())).unwrap().1;
