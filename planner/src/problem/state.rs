@@ -96,6 +96,9 @@ impl ContactFrame {
         ground: &ElevationMap,
         center: &Vector3<f64>,
     ) -> Self {
+        if ground.is_level() {
+            return Self::new(radius_m, tilt_and_yaw_rad, ground, center);
+        }
         let flat = match tilt_and_yaw_rad {
             Some([tilt_rad, yaw_rad]) => Self::wheel(radius_m, tilt_rad, yaw_rad),
             None => Self::foot(radius_m),
@@ -105,11 +108,8 @@ impl ContactFrame {
             let by_normal = frame.by_normal.map(|by| by.d_to_contact).unwrap_or_default();
             (frame.to_contact, by_normal)
         });
-        let to_contact = match ground.is_level() {
-            true => flat.to_contact,
-            false => flat.on_slope(radius_m, &normal).to_contact,
-        };
-        Self::new(radius_m, tilt_and_yaw_rad, ground, &(center + to_contact))
+        let contact = center + flat.on_slope(radius_m, &normal).to_contact;
+        Self::new(radius_m, tilt_and_yaw_rad, ground, &contact)
     }
 
     /// Frame of a wheel on level ground.
