@@ -54,7 +54,7 @@ pub fn cable(mut from: TTYPort, mut to: TTYPort) {
 /// Transfers the library and plays one of its motions.
 fn flash_and_play(desk: &Desk, bus: &str) {
     assert!(on(desk, bus, &["discover"]).succeeds().contains("none"));
-    on(desk, bus, &["flash", "legbot.rwl"]).succeeds();
+    in_time(desk, bus, &["flash", "legbot.rwl"]).succeeds();
     in_time(desk, bus, &["send", "--arm", "rest", "1"]).succeeds();
     on(desk, bus, &["doctor"]).succeeds_with(0, &["arm the robot: rollwalk send --arm"]);
     on(desk, bus, &["estop"]).succeeds();

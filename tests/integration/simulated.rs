@@ -138,8 +138,9 @@ pub fn once_more_when_late(command: impl Fn() -> Outcome, clear: impl Fn() -> Ou
 
 /// True if a command reports a missed deadline.
 fn is_late(stderr: &str) -> bool {
-    // Answer of a robot that has not received a heartbeat in time.
-    if stderr.contains("not allowed while the robot is returning to SAFE") {
+    // Answer of a robot that has not received a heartbeat in time, and an adapter of a test that did not read in time.
+    let words = ["not allowed while the robot is returning to SAFE", "no longer accepts data"];
+    if words.into_iter().any(|words| stderr.contains(words)) {
         return true;
     }
     [Fault::HostLost, Fault::ActuatorSilent, Fault::SetpointTimeout, Fault::Overrun]
