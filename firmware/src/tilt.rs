@@ -132,6 +132,22 @@ mod tests {
         assert_eq!((fall.pop(), fall.pop()), (Some(Event::Tipped), Some(Event::Leaning)));
     }
 
+    /// A fall is one after the same patience, and interrupted ones do not add up.
+    #[test]
+    fn falls_that_end_in_time_do_not_add_up() {
+        let (settings, level) = (SETTINGS(), Attitude::LEVEL);
+        let tipped = pitched(settings.tip_rad + 0.02);
+        assert_eq!(events_after(tipped, &level, 3), EventSet::default());
+        let (mut tilt, mut events) = (TiltWatch::default(), EventSet::default());
+        for tick in 0..40 {
+            // Three periods of a fall, then one upright.
+            let up = if tick % 4 == 3 { pitched(0.0) } else { tipped };
+            tilt.observe(tick * 8_333, up);
+            tilt.watch(tick * 8_333, &level, &settings, &mut events);
+        }
+        assert_eq!(events, EventSet::default());
+    }
+
     /// Tilt is measured against the attitude of the clip: a motion that bows may tilt.
     #[test]
     fn the_clip_says_what_is_expected() {

@@ -389,6 +389,39 @@ fn answers_to_no_sample_of_late_are_none() {
     }
 }
 
+/// A halted robot does not wait until the latest answer is too old.
+#[test]
+fn a_tracked_robot_that_is_disarmed_brakes_at_once() {
+    let mut rig = tracked();
+    let roll = |setpoint: &mut Setpoint| {
+        if setpoint.channel == 2 {
+            setpoint.value = 1.0;
+        }
+    };
+    follow(&mut rig, 120, roll);
+    let speed_rad_s = |rig: &Rig| rig.brain.setpoint(2).unwrap().value;
+    assert_eq!(speed_rad_s(&rig), 1.0);
+    rig.command(Action::Disarm);
+    assert_eq!(rig.brain.state(), State::Returning);
+    follow(&mut rig, 2, roll);
+    assert!(speed_rad_s(&rig) < 1.0, "{}", speed_rad_s(&rig));
+}
+
+/// Numbers wrap, so that numbers before the first one would be those of recent samples.
+#[test]
+fn answers_to_samples_before_the_first_are_none() {
+    for before in 1..5u8 {
+        let mut rig = tracked();
+        rig.run(1);
+        assert_eq!(sample(&rig).number, 0);
+        answer(&mut rig, 0u8.wrapping_sub(before), |_| ());
+        rig.run(1);
+        assert_eq!(answered(&rig), None, "{before} before the first sample");
+        follow(&mut rig, 2, |_| ());
+        assert!(answered(&rig).is_some());
+    }
+}
+
 /// Feed-forward fraction applies to torques of libraries, not of the host. Along the ramp, the host's torques turn into those
 /// of SAFE.
 #[test]
