@@ -1,8 +1,8 @@
-//! Warnings about gains and rotor inertias that do not suit the load of the motors.
+//! Warnings about gains and rotor inertias that do not suit the load of the motors, and about motors on a bus without settings.
 
 use super::warning::{CheckedRobot, RobotWarning};
 use crate::CompositeInertia;
-use rollwalk_robot::Actuator;
+use rollwalk_robot::{Actuator, Channel, Robot};
 
 /// Maximum plausible ratio of a joint's rotor inertia to the largest inertia that the joint, or a joint before it, carries.
 const ARMATURE_OF_LIMB: f64 = 5.0;
@@ -11,6 +11,8 @@ const ARMATURE_OF_LIMB: f64 = 5.0;
 const ARMATURE_OF_ROBOT: f64 = 0.02;
 /// Maximum plausible deflection of a joint of the standing robot, rad. Real robots reach 0.09.
 const YIELDS_MAX_RAD: f64 = 0.15;
+/// Maximum plausible time constant kd / kp with which a joint approaches its set-point, s. Real robots reach 0.03.
+const FOLLOWS_MAX_S: f64 = 0.08;
 /// Assumed period of a drive's damping loop, s. Many drives are faster, few are slower.
 const LOOP_S: f64 = 1e-3;
 
@@ -46,9 +48,34 @@ pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
                 motor.kp_nm_rad
             )));
         }
+        let follows_s = motor.kd_nm_s_rad / motor.kp_nm_rad;
+        if follows_s > FOLLOWS_MAX_S {
+            warnings.push(warning(format!(
+                "`kd_nm_s_rad` is {}, so that the joint lags by {follows_s:.2} s with `kp_nm_rad` \
+                 {}; give kp times 0.01 to 0.03 s",
+                motor.kd_nm_s_rad, motor.kp_nm_rad
+            )));
+        }
         warnings.extend(damping(motor, carried[index] + armature_kg_m2).map(warning));
     }
+    warnings.extend(unset_buses(robot));
     warnings
+}
+
+/// Warnings about motors on a bus without settings, if other buses have them.
+fn unset_buses(robot: &Robot) -> Vec<RobotWarning> {
+    let is_unset = |channel: &Channel<'_>| {
+        !robot.buses.is_empty() && !robot.buses.contains_key(&channel.actuator().bus)
+    };
+    let warning = |channel: Channel<'_>| {
+        let bus = channel.actuator().bus;
+        let text = format!(
+            "on bus {bus}, which has no [[bus]] and is taken as CAN with servos of the Rollwalk \
+             profile; correct `bus`, or add [[bus]] with `number = {bus}`"
+        );
+        RobotWarning::of("motor", channel.name(), text)
+    };
+    robot.channels().filter(is_unset).map(warning).collect()
 }
 
 /// Warning about unstable damping: a digital loop diverges if I / kd is below half of its period.

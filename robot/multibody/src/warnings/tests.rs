@@ -116,7 +116,7 @@ fn a_slip_is_named_with_its_value() {
     assert_eq!(of(&table(&[])), [""; 0]);
     let (g_mm2, kg_mm2) = (inertia([3.65e6, 1.17e7, 1.44e7]), inertia([3650.0, 11700.0, 14400.0]));
     let (g_m2, point) = (inertia([3.65, 11.7, 14.4]), inertia([1e-7, 1e-7, 1e-7]));
-    let cases: [(Vec<(&str, &str)>, &str); 22] = [
+    let cases: [(Vec<(&str, &str)>, &str); 25] = [
         (vec![(body, &g_mm2)], "link `body`: an inertia of 14400000.000 kg·m²"),
         (vec![(body, &g_mm2)], "; multiply an inertia in g·mm² by 1e-9"),
         (vec![(body, &kg_mm2)], " in kg·mm² by 1e-6"),
@@ -136,6 +136,24 @@ fn a_slip_is_named_with_its_value() {
         (
             vec![("kd_nm_s_rad = 0.8", "kd_nm_s_rad = 40")],
             "`kd_nm_s_rad` is 40, unstable in a loop",
+        ),
+        (
+            vec![("kd_nm_s_rad = 0.8", "kd_nm_s_rad = 8")],
+            "`kd_nm_s_rad` is 8, so that the joint lags by 0.13 s with `kp_nm_rad` 60",
+        ),
+        (
+            vec![
+                (
+                    "name = \"table\"\n",
+                    "name = \"table\"\n\n[[bus]]\nnumber = 0\nprotocol = \"rollwalk\"\n",
+                ),
+                ("bus = 0\nfirst_id = 7", "bus = 1\nfirst_id = 7"),
+            ],
+            "motors `rear_right_hip`, `rear_right_knee`: on bus 1, which has no [[bus]]",
+        ),
+        (
+            vec![("[0.0, 1.0, 0.0] # wheel", "[1.0, 0.0, 0.0]")],
+            "`rear_right`: axis points forward, so no wheel",
         ),
         (
             vec![("[0.0, 0.0, -0.10]\naxis_in_joint", "[0.0, 0.0, 0.0]\naxis_in_joint")],

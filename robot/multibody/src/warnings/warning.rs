@@ -6,7 +6,7 @@ use std::fmt;
 
 /// Warning about one or several parts of the robot.
 pub(super) struct RobotWarning {
-    /// Kind of a single part: `link`, `joint` or `end effector`.
+    /// Kind of a single part: `link`, `joint`, `motor` or `end effector`.
     pub kind: &'static str,
     pub names: Vec<String>,
     pub text: String,

@@ -1,10 +1,12 @@
-//! Warnings about wheels that lie flat, and about wheels that overlap.
+//! Warnings about wheels that lie flat, that overlap, or that all roll sideways.
 
 use super::warning::{CheckedRobot, RobotWarning};
 use nalgebra::Vector3;
 
 /// Sine of the angle between an axis and the horizontal above which a wheel or blade lies flat.
 const LIES: f64 = 0.6;
+/// Share of the horizontal part of an axis along x above which a wheel rolls sideways.
+const SIDEWAYS: f64 = 0.9;
 /// Assumed width of a wheel, as a fraction of its radius. Tyres are at least as wide.
 const WIDTH: f64 = 0.2;
 
@@ -31,6 +33,14 @@ pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
             RobotWarning::of("end effector", name, text)
         })
         .collect();
+    // Single wheels across the others are steered, or hold a robot that turns.
+    if wheels.iter().all(|(_, _, axis, _)| axis.x.abs() > SIDEWAYS * axis.xy().norm()) {
+        warnings.extend(wheels.iter().map(|(name, ..)| {
+            let text = "axis points forward, so no wheel of the robot rolls forward; give \
+                `axis_in_link = [0, 1, 0]` if y of the link is lateral";
+            RobotWarning::of("end effector", name, text.to_owned())
+        }));
+    }
     for (index, (name, center, axis, radius_m)) in wheels.iter().enumerate() {
         for (other, other_center, _, other_radius_m) in &wheels[..index] {
             let apart = center - other_center;
