@@ -134,30 +134,18 @@ impl Footing {
     /// ground.
     pub fn on(terrain: Terrain, margins: &ContactMargins, robot: &Robot, rolls: &[bool]) -> Self {
         let maps = Maps { terrain: &terrain, margins, robot };
-        let of_each = |map: &dyn Fn(f64) -> ElevationMap| -> Vec<ElevationMap> {
-            robot.end_effectors.iter().map(|foot| map(foot.radius_m)).collect()
-        };
-        let wheel = |j: usize| robot.end_effectors[j].contact.rolls();
-        let rolled = of_each(&|radius_m| maps.under_wheel(radius_m));
-        let patches = (0..robot.end_effectors.len()).map(|j| match rolls[j] && wheel(j) {
-            true => Vec::new(),
-            false => maps.patches(if wheel(j) { robot.end_effectors[j].radius_m } else { 0.0 }),
-        });
-        let envelopes = (0..robot.end_effectors.len())
-            .map(|j| maps.envelope(if wheel(j) { robot.end_effectors[j].radius_m } else { 0.0 }));
-        let body = maps.body();
-        Self::Terrain(Arc::new(TerrainMaps {
-            body,
-            patches: patches.collect(),
-            envelopes: envelopes.collect(),
-            rolled: rolled
-                .into_iter()
-                .enumerate()
-                .map(|(j, map)| (rolls[j] && wheel(j)).then_some(map))
-                .collect(),
-            solid: terrain.solid(),
-            terrain,
-        }))
+        let (mut rolled, mut envelopes, mut patches) = (Vec::new(), Vec::new(), Vec::new());
+        for (foot, never_lifts) in robot.end_effectors.iter().zip(rolls) {
+            let is_wheel = foot.contact.rolls();
+            let rolls = is_wheel && *never_lifts;
+            // A wheel keeps its radius from walls.
+            let radius_m = if is_wheel { foot.radius_m } else { 0.0 };
+            rolled.push(rolls.then(|| maps.under_wheel(foot.radius_m)));
+            envelopes.push(maps.envelope(radius_m));
+            patches.push(if rolls { Vec::new() } else { maps.patches(radius_m) });
+        }
+        let (body, solid) = (maps.body(), terrain.solid());
+        Self::Terrain(Arc::new(TerrainMaps { terrain, solid, body, rolled, envelopes, patches }))
     }
 
     /// Returns true if the ground has constant height.

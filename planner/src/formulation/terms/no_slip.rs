@@ -228,7 +228,7 @@ mod tests {
         motion.stance.iter_mut().for_each(|flags| flags.fill(true));
         let place = |k: usize| 0.01 * k as f64 - 0.3;
         let points = (0..61).flat_map(|_| (0..61).map(place));
-        let heights_m = points.map(|x| (RIDGE_M * RIDGE_M - x.min(0.25).max(-0.25).powi(2)).sqrt());
+        let heights_m = points.map(|x| (RIDGE_M * RIDGE_M - x.clamp(-0.25, 0.25).powi(2)).sqrt());
         let field = HeightField::new([place(0); 2], 0.01, [61; 2], heights_m.collect());
         motion.ground = ElevationMap::Field(Arc::new(field.unwrap())).into();
         let problem = Problem::new(Model::new(&robot), &motion, Weights::default());
