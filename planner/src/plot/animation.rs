@@ -342,7 +342,7 @@ impl View {
                 "#cbd2d9"
             };
             let patch = closed_path(&facet.map(|corner| self.camera.project(&corner)));
-            patch.set("fill", fill).set("stroke", "#d9e2ec")
+            patch.set("fill", fill).set("stroke", "#bcccdc")
         };
         facets.iter().map(shaded).fold(Group::new(), Group::add)
     }
