@@ -337,12 +337,12 @@ impl View {
             let fill = if level > 0.999 {
                 "#f5f7fa"
             } else if level > 0.9 {
-                "#e9edf2"
+                "#eef2f6"
             } else {
                 "#cbd2d9"
             };
             let patch = closed_path(&facet.map(|corner| self.camera.project(&corner)));
-            patch.set("fill", fill).set("stroke", "#bcccdc")
+            patch.set("fill", fill).set("stroke", "#9aa5b1")
         };
         facets.iter().map(shaded).fold(Group::new(), Group::add)
     }

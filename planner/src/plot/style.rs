@@ -65,8 +65,10 @@ pub fn px(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::motion::ContactMargins;
     use crate::plot::{AnimationParts, JointPanels, animation, figure, robot, strip};
     use crate::test_plans;
+    use rollwalk_multibody::ground::file::from_toml;
 
     /// Relative luminance of a colour such as `#0d1117` (WCAG 2).
     fn luminance(color: &str) -> f64 {
@@ -97,10 +99,16 @@ mod tests {
     #[test]
     fn every_drawn_colour_has_a_place_in_both_themes() {
         let plan = test_plans::cruise();
+        let mut on_stairs = plan.clone();
+        let stairs = "[stairs]\nat_x_m = 0.1\ncount = 2\nriser_m = 0.02\ntread_m = 0.1";
+        let stairs = from_toml("stairs.toml", stairs).expect("stairs");
+        let margins = ContactMargins::of(&plan.robot);
+        on_stairs.motion.set_terrain(stairs, margins, &plan.robot);
         let pictures = [
             figure(&plan, JointPanels::Limb),
             strip(&[&plan], 3),
             animation(&plan, AnimationParts { forces: true, footfalls: true }),
+            animation(&on_stairs, AnimationParts::default()),
             robot(&plan.robot).expect("it stands"),
         ];
         for picture in &pictures {
