@@ -58,7 +58,7 @@ pub const MAX_TORQUE_NM: f32 = 20_000.0;
 /// Step of the proportional gain, N·m/rad: 0.01.
 pub const KP_STEP_NM_RAD: f32 = 1.0 / KP_STEPS;
 /// Largest proportional gain, N·m/rad.
-pub const MAX_KP_NM_RAD: f32 = 50_000.0;
+pub const MAX_KP_NM_RAD: f32 = 65_000.0;
 /// Step of the damping gain, N·m·s/rad: 0.001.
 pub const KD_STEP_NM_S_RAD: f32 = 1.0 / KD_STEPS;
 /// Largest damping gain, N·m·s/rad.

@@ -173,7 +173,7 @@ impl Channel {
             return Some(("max_torque_nm", self.max_torque_nm, "above 0 and at most 20000 N·m"));
         }
         if !up_to(self.kp_nm_rad, actuator::MAX_KP_NM_RAD) {
-            return Some(("kp_nm_rad", self.kp_nm_rad, "0 to 50000 N·m/rad"));
+            return Some(("kp_nm_rad", self.kp_nm_rad, "0 to 65000 N·m/rad"));
         }
         if !up_to(self.kd_nm_s_rad, actuator::MAX_KD_NM_S_RAD) {
             return Some(("kd_nm_s_rad", self.kd_nm_s_rad, "0 to 5000 N·m·s/rad"));

@@ -1,10 +1,11 @@
 //! Motions of the shipped robots: each plan converges, and the report finds each residual within its tolerance.
 
-use rollwalk_planner::motion::Motion;
+use rollwalk_planner::motion::{Goal, Motion};
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::report::Report;
 use rollwalk_planner::{Options, optimise};
-use rollwalk_robot::Robot;
+use rollwalk_robot::shape::Shape;
+use rollwalk_robot::{Actuator, Contact, Robot};
 use std::collections::BTreeSet;
 use std::fs;
 use std::ops::ControlFlow;
@@ -52,6 +53,81 @@ fn every_robot_plans_a_motion_that_holds() {
         assert_eq!(plan.solve.status, Status::Converged, "{motion_name} on {robot_name}");
         let report = Report::new(&plan);
         assert!(report.judgement.is_good(), "{motion_name} on {robot_name}\n{report}");
+    }
+}
+
+/// Scales a motor of a robot whose lengths grow by `s`: times grow by √s, masses by s³, torques by s⁴.
+fn scale_motor(motor: &mut Actuator, s: f64) {
+    motor.speed_max_rad_s /= s.sqrt();
+    motor.torque_max_nm *= s.powi(4);
+    motor.kp_nm_rad *= s.powi(4);
+    motor.kd_nm_s_rad *= s.powf(4.5);
+    motor.armature_kg_m2 *= s.powi(5);
+    if let Some(line) = &mut motor.torque_speed {
+        line.stall_torque_nm *= s.powi(4);
+        line.no_load_speed_rad_s /= s.sqrt();
+    }
+}
+
+/// Robot of the same shape and material with this mass, on buses without settings.
+fn of_mass(mut robot: Robot, mass_kg: f64) -> (Robot, f64) {
+    let s = (mass_kg / robot.total_mass_kg()).cbrt();
+    for link in &mut robot.links {
+        link.mass_kg *= s.powi(3);
+        link.com_in_link_m *= s;
+        link.inertia_in_link_kg_m2 *= s.powi(5);
+        for shape in &mut link.shapes {
+            match shape {
+                Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } => {
+                    *from_in_link_m *= s;
+                    *to_in_link_m *= s;
+                    *radius_m *= s;
+                }
+                Shape::Box { center_in_link_m, size_m } => {
+                    *center_in_link_m *= s;
+                    *size_m *= s;
+                }
+            }
+        }
+    }
+    for joint in &mut robot.joints {
+        joint.parent_from_joint.translation.vector *= s;
+        scale_motor(&mut joint.actuator, s);
+    }
+    for end in &mut robot.end_effectors {
+        end.center_in_link_m *= s;
+        end.radius_m *= s;
+        if let Contact::ActuatedWheel { actuator, .. } = &mut end.contact {
+            scale_motor(actuator, s);
+        }
+    }
+    robot.clearance_margin_m *= s;
+    robot.buses.clear();
+    (robot, s)
+}
+
+/// No threshold of robot file, planner or report is in the way of robots of 0.2 kg and 500 kg.
+#[test]
+fn small_and_large_robots_walk() {
+    for (name, motion_name, mass_kg) in
+        [("pup", "pup_walk", 0.2), ("anymal_wheels", "anymal_walk", 500.0)]
+    {
+        let robot = Robot::from_toml(name, &text("robots", name)).unwrap();
+        let (robot, s) = of_mass(robot, mass_kg);
+        robot.validate().unwrap();
+        robot.controller_config().unwrap().check().unwrap();
+        let motion = Motion::from_toml(motion_name, &text("motions", motion_name), &robot).unwrap();
+        let motion = Motion {
+            duration_s: (motion.duration_s * s.sqrt() * 60.0).round() / 60.0,
+            swing_height_m: motion.swing_height_m * s,
+            goal: Goal { forward_m: motion.goal.forward_m.map(|way| way * s), ..motion.goal },
+            ..motion
+        };
+        let plan =
+            optimise(&robot, &motion, &Options::default(), &mut |_| ControlFlow::Continue(()));
+        assert_eq!(plan.solve.status, Status::Converged, "{motion_name} of {mass_kg} kg");
+        let report = Report::new(&plan);
+        assert!(report.judgement.is_good(), "{motion_name} of {mass_kg} kg\n{report}");
     }
 }
 

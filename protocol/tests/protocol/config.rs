@@ -61,7 +61,7 @@ fn what_cannot_be_commanded_is_refused_by_name() {
     refused(joint(0), "max_rate", &|c| c.max_rate = 66.0);
     refused(joint(0), "max_torque_nm", &|c| c.max_torque_nm = -1.0);
     refused(joint(0), "max_torque_nm", &|c| c.max_torque_nm = 20_001.0);
-    refused(joint(0), "kp_nm_rad", &|c| c.kp_nm_rad = 50_001.0);
+    refused(joint(0), "kp_nm_rad", &|c| c.kp_nm_rad = 65_001.0);
     refused(joint(0), "kd_nm_s_rad", &|c| c.kd_nm_s_rad = f32::NAN);
     refused(joint(0), "id", &|c| c.id = 128);
     refused(joint(0), "id", &|c| c.id = 100);

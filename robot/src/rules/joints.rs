@@ -26,6 +26,7 @@ pub(crate) struct MotorMaxima {
     pub torque_nm: f64,
     pub kp_nm_rad: f64,
     pub kd_nm_s_rad: f64,
+    pub armature_kg_m2: f64,
 }
 
 impl MotorMaxima {
@@ -36,8 +37,9 @@ impl MotorMaxima {
             |per_kg: f64, least: f64, most: f32| (per_kg * mass_kg).max(least).min(most.into());
         Self {
             torque_nm: most(20.0, 160.0, actuator::MAX_TORQUE_NM),
-            kp_nm_rad: most(100.0, 655.0, actuator::MAX_KP_NM_RAD),
+            kp_nm_rad: most(130.0, 655.0, actuator::MAX_KP_NM_RAD),
             kd_nm_s_rad: most(10.0, 65.0, actuator::MAX_KD_NM_S_RAD),
+            armature_kg_m2: most(0.2, 10.0, f32::MAX),
         }
     }
 }
@@ -205,7 +207,8 @@ impl Check<'_> {
         }
         self.range("kp_nm_rad", motor.kp_nm_rad, zero, maxima.kp_nm_rad, "N·m/rad", "");
         self.range("kd_nm_s_rad", motor.kd_nm_s_rad, zero, maxima.kd_nm_s_rad, "N·m·s/rad", "");
-        self.range("armature_kg_m2", motor.armature_kg_m2, positive, 10.0, "kg·m²", "");
+        let armature_max = maxima.armature_kg_m2;
+        self.range("armature_kg_m2", motor.armature_kg_m2, positive, armature_max, "kg·m²", "");
         if motor.bus >= BUSES {
             let help = format!("a controller has buses 0 to {}", BUSES - 1);
             self.violated("bus", format_args!("is {}", motor.bus), help);

@@ -114,8 +114,12 @@ impl<'s> Motors<'s> {
         let side = |index: usize| own.and_then(|own| own.numbers[index]);
         let fallback = |index: usize| default.and_then(|default| default.numbers[index]);
         let limits = joint.map(|joint| joint.limit).unwrap_or_default();
-        let MotorMaxima { torque_nm: torque_most, kp_nm_rad: kp_most, kd_nm_s_rad: kd_most } =
-            self.maxima;
+        let MotorMaxima {
+            torque_nm: torque_most,
+            kp_nm_rad: kp_most,
+            kd_nm_s_rad: kd_most,
+            armature_kg_m2: armature_most,
+        } = self.maxima;
         let speed_most = SPEEDS_MAX_RAD_S[usize::from(load.is_none())];
         let usual = (self.weight_n * LEVER_M).min(torque_most);
         let mut limit = |limit: &Limit, most: f64, written: Option<f64>, usual: f64| {
@@ -134,9 +138,10 @@ impl<'s> Motors<'s> {
         // An effort beyond all drives is a placeholder value.
         let placeholder = limits.effort.is_some_and(|effort| effort > torque_most);
         let strength = if placeholder { torque.min(usual) } else { torque };
-        let armature = side(4).or(limits.armature_kg_m2.filter(|armature| *armature <= 10.0));
         let armature =
-            armature.unwrap_or_else(|| or(4, (ARMATURE_PER_TORQUE * strength).min(10.0)));
+            side(4).or(limits.armature_kg_m2.filter(|armature| *armature <= armature_most));
+        let armature =
+            armature.unwrap_or_else(|| or(4, (ARMATURE_PER_TORQUE * strength).min(armature_most)));
         let (kp, kd) = match load {
             // Default gains are for joints, because a wheel holds no angle.
             None => (side(2).unwrap_or(0.0), side(3).unwrap_or(armature / WHEEL_TIME_S)),

@@ -380,7 +380,7 @@ fn motors_of_large_robots_may_be_stronger() {
         robot
     };
     for (mass_kg, most_nm, stiffest) in
-        [(0.2, 160.0, 655.0), (8.0, 160.0, 800.0), (500.0, 1e4, 5e4)]
+        [(0.2, 160.0, 655.0), (8.0, 160.0, 1040.0), (500.0, 1e4, 6.5e4)]
     {
         let mut robot = heavy(mass_kg);
         actuator(&mut robot, 0.999 * most_nm, 0.999 * stiffest);
