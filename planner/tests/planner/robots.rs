@@ -106,7 +106,7 @@ fn of_mass(mut robot: Robot, mass_kg: f64) -> (Robot, f64) {
     (robot, s)
 }
 
-/// No threshold of robot file, planner or report is in the way of robots of 0.2 kg and 500 kg.
+/// Checks that robots of 0.2 kg and 500 kg meet no absolute threshold of robot file, planner or report.
 #[test]
 fn small_and_large_robots_walk() {
     for (name, motion_name, mass_kg) in
