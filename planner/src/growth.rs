@@ -122,7 +122,7 @@ fn instant(
     let mut jacobian = DMatrix::zeros(3 * standing.len(), joints);
     let mut stiffness = DMatrix::zeros(joints, joints);
     for (motor, joint) in robot.joints.iter().enumerate() {
-        let ratios = tree.transmission().ratios(motor);
+        let ratios = frames.ratios(tree).ratios(motor);
         for a in ratios {
             for b in ratios {
                 stiffness[(a.joint, b.joint)] += a.ratio * b.ratio * joint.actuator.kp_nm_rad;

@@ -154,10 +154,10 @@ impl PlanSpline {
         let (time_s, _) = self.within(plan_time_s);
         let joints: Vec<_> = self.pose[4..].iter().map(|spline| spline.at(time_s)).collect();
         let transmission = self.model.tree().transmission();
-        let motors =
-            |of: fn(&Jet) -> f64| transmission.motors(&joints.iter().map(of).collect::<Vec<_>>());
-        let mut joint_rad = motors(|jet| jet.value.re);
-        let mut joint_speed_rad_s = motors(|jet| jet.rate.re);
+        let of_joints = |of: fn(&Jet) -> f64| joints.iter().map(of).collect::<Vec<_>>();
+        let (angles, rates) = (of_joints(|jet| jet.value.re), of_joints(|jet| jet.rate.re));
+        let mut joint_rad = transmission.motors(&angles);
+        let mut joint_speed_rad_s = transmission.at(&angles).motors(&rates);
         for (k, [correction_rad, rate_rad_s]) in self.corrections(time_s).into_iter().enumerate() {
             joint_rad[k] += correction_rad;
             joint_speed_rad_s[k] += rate_rad_s;

@@ -132,6 +132,7 @@ pub fn robot() -> Robot {
             nominal_rad: 0.3,
             actuator: actuator(k as u8 + 1, 20.0),
             motor_per_joint: Vec::new(),
+            linkage: None,
         });
         robot.end_effectors.push(EndEffector {
             name: format!("{name}-wheel"),

@@ -7,7 +7,7 @@ use crate::problem::variables::Layout;
 use nalgebra::Vector3;
 use rollwalk_multibody::euler::Model;
 use rollwalk_robot::{
-    Actuator, Contact, EndEffector, JointRatio, Robot, RollingDrag, TorqueSpeedLine,
+    Actuator, Contact, EndEffector, JointRatio, Linkage, Robot, RollingDrag, TorqueSpeedLine,
 };
 
 /// Shipped robots with driven wheels, free wheels and feet, and variants of them: AgileBot on welded wheels, AgileBot with
@@ -74,7 +74,8 @@ fn with_lines(robot: &Robot) -> Robot {
     robot
 }
 
-/// Returns AgileBot with belts to its knees, and with a differential for roll and steering of each leg.
+/// Returns AgileBot with belts to its knees, and with a differential for roll and steering of each leg. The first knee has a
+/// crank at the hip and a rod, which close in every pose.
 fn coupled(mut robot: Robot) -> Robot {
     robot.name += "_coupled";
     for hip in (0..robot.joints.len()).step_by(4) {
@@ -89,6 +90,16 @@ fn coupled(mut robot: Robot) -> Robot {
             robot.joints[motor].motor_per_joint = row.into();
         }
     }
+    let knee = &mut robot.joints[2];
+    knee.motor_per_joint.clear();
+    knee.linkage = Some(Linkage {
+        link: 1,
+        pivot_in_link_m: Vector3::new(0.0, 0.05, 0.0),
+        pin_in_link_m: Vector3::new(0.033, 0.05, -0.0226),
+        axis_in_link: Vector3::y(),
+        rod_in_child_m: Vector3::new(0.0109, 0.0, -0.028),
+        nominal_rad: 0.2,
+    });
     robot
 }
 

@@ -133,7 +133,8 @@ impl InverseDynamics {
         };
         let actuation = Actuation {
             motor_nm: feet.map(motor).collect(),
-            joint_nm: tree.transmission().motor_torques(&generalised[JOINTS..JOINTS + joints]),
+            joint_nm: (kinematics.frames.ratios(tree))
+                .motor_torques(&generalised[JOINTS..JOINTS + joints]),
             force_n,
             unmet_force_n: unmet.fixed_rows::<3>(0).into(),
             unmet_moment_nm: unmet.fixed_rows::<3>(3).into(),

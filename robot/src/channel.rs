@@ -2,7 +2,9 @@
 
 use crate::GRAVITY_M_S2;
 use crate::actuator::Actuator;
+use crate::linkage::CrankMap;
 use crate::model::{EndEffector, Joint, Robot};
+use crate::rules::for_each_pose;
 use rollwalk_protocol::config::{self, ChannelKind};
 
 /// Motor-driven degree of freedom, in channel order (`docs/conventions.md`).
@@ -66,6 +68,9 @@ pub(crate) fn servo_range(joint: &Joint, robot: &Robot) -> [f64; 2] {
     if !joint.is_coupled() {
         return [joint.position_min_rad, joint.position_max_rad];
     }
+    if joint.linkage.is_some() {
+        return crank_range(joint, robot).unwrap_or_default();
+    }
     let end = |is_upper: bool| {
         let ratios = joint.motor_per_joint.iter();
         let terms = ratios.filter_map(|of| Some((of.ratio, robot.joints.get(of.joint)?)));
@@ -77,6 +82,18 @@ pub(crate) fn servo_range(joint: &Joint, robot: &Robot) -> [f64; 2] {
             .sum::<f64>()
     };
     [end(false), end(true)]
+}
+
+/// Range of a servo with crank and rod over the limits of its joints, rad.
+fn crank_range(joint: &Joint, robot: &Robot) -> Option<[f64; 2]> {
+    let crank = CrankMap::new(robot, joint, joint.linkage.as_ref()?)?;
+    let mut range_rad = [f64::INFINITY, f64::NEG_INFINITY];
+    for_each_pose(robot, &crank, |joint_rad| {
+        let angle_rad = crank.angle_rad(joint_rad);
+        range_rad = [range_rad[0].min(angle_rad), range_rad[1].max(angle_rad)];
+        true
+    });
+    Some(range_rad)
 }
 
 impl Robot {

@@ -27,6 +27,7 @@ mod contact;
 mod controller;
 pub mod document;
 mod file;
+mod linkage;
 mod model;
 mod pose;
 mod rules;
@@ -40,10 +41,11 @@ pub use blade::Blade;
 pub use channel::Channel;
 pub use clearance::ClearancePair;
 pub use contact::{Contact, RollingDrag};
-pub use model::{EndEffector, Joint, JointRatio, Link, Robot, SoftMaterial};
+pub use linkage::{CrankMap, CrankState};
+pub use model::{EndEffector, Joint, JointRatio, Link, Linkage, Robot, SoftMaterial};
 pub use rules::{InvalidRobot, Item, Violation};
 pub use solid::{Form, Solid};
-pub use transmission::Transmission;
+pub use transmission::{Ratios, Transmission};
 
 /// Standard gravity, m/s².
 pub const GRAVITY_M_S2: f64 = 9.806_65;

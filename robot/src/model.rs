@@ -73,6 +73,27 @@ pub struct Joint {
     /// for a servo whose angle is that of its own joint.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub motor_per_joint: Vec<JointRatio>,
+    /// Crank and rod by which the servo turns the joint; `None` for other servos.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub linkage: Option<Linkage>,
+}
+
+/// Crank of a servo, with a rod from its pin to the child link of the joint. Masses of crank and rod belong to the links.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Linkage {
+    /// Index of the link that carries the servo: the parent of the joint, or a link before it.
+    pub link: usize,
+    /// Pivot of the crank in this link, m.
+    pub pivot_in_link_m: Vector3<f64>,
+    /// Pin between crank and rod in this link in the nominal pose, m.
+    pub pin_in_link_m: Vector3<f64>,
+    /// Unit axis of the servo in this link.
+    pub axis_in_link: Vector3<f64>,
+    /// End of the rod in the child link of the joint, m.
+    pub rod_in_child_m: Vector3<f64>,
+    /// Angle of the servo in the nominal pose, rad.
+    pub nominal_rad: f64,
 }
 
 /// Derivative of a servo's angle with respect to the angle of a joint.
@@ -88,7 +109,7 @@ pub struct JointRatio {
 impl Joint {
     /// Returns true if the angle of the servo differs from that of the joint.
     pub fn is_coupled(&self) -> bool {
-        !self.motor_per_joint.is_empty()
+        !self.motor_per_joint.is_empty() || self.linkage.is_some()
     }
 }
 

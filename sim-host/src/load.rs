@@ -19,9 +19,11 @@ pub struct JointLoad {
 /// Load of the motor of every joint at motor angles. A coupled motor has the inertia of its joints while the other motors stand.
 pub fn motor_loads(tree: &Tree, motor_rad: &[f64]) -> Vec<JointLoad> {
     let transmission = tree.transmission();
-    let joints = joint_loads(tree, &transmission.joints(motor_rad));
+    let joint_rad = transmission.joints(motor_rad);
+    let joints = joint_loads(tree, &joint_rad);
+    let ratios = transmission.at(&joint_rad);
     let motor = |motor: usize| {
-        let factors = transmission.torque_factors(motor).iter();
+        let factors = ratios.torque_factors(motor).iter();
         let loads = factors.map(|of| (of.ratio, joints[of.joint]));
         let add = |sum: JointLoad, (factor, load): (f64, JointLoad)| JointLoad {
             inertia_kg_m2: sum.inertia_kg_m2 + factor * factor * load.inertia_kg_m2,
@@ -92,6 +94,7 @@ mod tests {
             nominal_rad: 0.0,
             actuator,
             motor_per_joint: Vec::new(),
+            linkage: None,
         }
     }
 

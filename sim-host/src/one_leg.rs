@@ -57,6 +57,7 @@ pub fn robot() -> Robot {
         nominal_rad,
         actuator,
         motor_per_joint: Vec::new(),
+        linkage: None,
     };
     Robot {
         name: "one_leg".into(),

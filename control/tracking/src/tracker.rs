@@ -131,6 +131,10 @@ pub struct Tracker {
     weights: Weights,
     tick_s: f64,
     channels: Vec<Channel>,
+    /// Planned angles of the motors of joints; empty for constant ratios.
+    planned_rad: Vec<f64>,
+    /// Angles of the motors of joints less ratios times angles; empty for constant ratios.
+    offsets_rad: Vec<f64>,
     /// Degrees of freedom of wheels without motors.
     free_wheels: Vec<usize>,
     planned: Kinematics,
@@ -160,6 +164,11 @@ pub struct Tracker {
 mod constraints;
 mod objective;
 
+/// Degrees of freedom of joints, with their ratios.
+fn dofs_of(row: &[JointRatio]) -> Vec<(usize, f64)> {
+    row.iter().map(|of| (JOINTS + of.joint, of.ratio)).collect()
+}
+
 /// True for a robot that balances: it has one or two driven wheels, and nothing else stands.
 pub fn balances(robot: &Robot) -> bool {
     let is_driven = |end: &EndEffector| end.contact.rolls() && end.contact.actuator().is_some();
@@ -174,13 +183,9 @@ impl Tracker {
             weights.roll = weights.roll_balancing;
         }
         let motors = robot.channels().map(|channel| channel.actuator().clone());
-        let transmission = tree.transmission();
-        let dofs_of = |row: &[JointRatio]| -> Vec<_> {
-            row.iter().map(|of| (JOINTS + of.joint, of.ratio)).collect()
-        };
-        let joints = (0..robot.joints.len()).map(|joint| {
-            (dofs_of(transmission.ratios(joint)), dofs_of(transmission.torque_factors(joint)))
-        });
+        let ratios = tree.transmission().nominal();
+        let joints = (0..robot.joints.len())
+            .map(|joint| (dofs_of(ratios.ratios(joint)), dofs_of(ratios.torque_factors(joint))));
         let is_driven = |wheel: usize| robot.end_effectors[wheel].contact.actuator().is_some();
         let wheels = || tree.wheels().iter().map(|wheel| wheel.end_effector);
         let dof = |wheel: usize| tree.wheel_dof(wheel).expect("it spins");
@@ -235,6 +240,8 @@ impl Tracker {
             tick_s,
             setpoints: vec![Setpoint::default(); channels.len()],
             channels,
+            planned_rad: Vec::new(),
+            offsets_rad: Vec::new(),
             free_wheels,
             composite: CompositeInertia::new(&tree, &still.frames),
             planned: still.clone(),
@@ -396,6 +403,7 @@ impl Tracker {
         self.add_foot_tasks(reference);
         self.add_posture_task(reference);
         self.add_force_task(reference);
+        self.update_linkages(reference);
         self.add_dynamics();
         self.add_limits();
         let Self { solver, program, feet, tree, expected, .. } = self;
@@ -405,7 +413,9 @@ impl Tracker {
             let at = tree.dofs() + 3 * j;
             foot.force_n = Vector3::new(x[at], x[at + 1], x[at + 2]);
         }
-        for (channel, setpoint) in self.channels.iter().zip(&mut self.setpoints) {
+        for (number, (channel, setpoint)) in
+            self.channels.iter().zip(&mut self.setpoints).enumerate()
+        {
             let generalised = |dof: usize| {
                 let mut torque_nm = self.bias[dof];
                 for (other, row) in self.mass.row(dof).iter().enumerate() {
@@ -428,8 +438,12 @@ impl Tracker {
                 let then =
                     |dof: usize| self.ahead.joint_rad[dof - JOINTS] + self.tick_s * speed_of(dof);
                 let planned = &reference.state;
-                let position = motor(&|dof| planned.joint_rad[dof - JOINTS]);
-                (position, motor(&then), motor(&|dof| planned.velocity[dof]))
+                let offset_rad = self.offsets_rad.get(number).copied().unwrap_or_default();
+                let position = match self.planned_rad.get(number) {
+                    Some(motor_rad) => *motor_rad,
+                    None => motor(&|dof| planned.joint_rad[dof - JOINTS]),
+                };
+                (position, motor(&then) + offset_rad, motor(&|dof| planned.velocity[dof]))
             } else {
                 // The plan has no wheel angles.
                 (0.0, 0.0, speed_then)
@@ -448,6 +462,26 @@ impl Tracker {
             true => Ok(()),
             false => Err(NoSetpoints::Unsolved),
         }
+    }
+
+    /// Updates the ratios of linkages to the state ahead.
+    fn update_linkages(&mut self, reference: &Reference) {
+        let transmission = self.tree.transmission();
+        if !transmission.has_linkages() {
+            return;
+        }
+        let ahead_rad = &self.ahead.joint_rad;
+        let ratios = transmission.at(ahead_rad);
+        for (joint, channel) in self.channels[..ahead_rad.len()].iter_mut().enumerate() {
+            channel.ratios = dofs_of(ratios.ratios(joint));
+            channel.torques = dofs_of(ratios.torque_factors(joint));
+        }
+        self.planned_rad = transmission.motors(&reference.state.joint_rad);
+        // Angles of motors are linear around the state ahead.
+        let linear = ratios.motors(ahead_rad);
+        let motors = transmission.motors(ahead_rad);
+        self.offsets_rad =
+            motors.iter().zip(linear).map(|(motor, linear)| motor - linear).collect();
     }
 
     /// True if the robot has fallen.

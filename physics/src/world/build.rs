@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 use rollwalk_multibody::ground::{Ground, parts_of};
 use rollwalk_multibody::{rest_of_link, spinning_wheels};
 use rollwalk_robot::shape::Shape;
-use rollwalk_robot::{EndEffector, Robot};
+use rollwalk_robot::{CrankMap, EndEffector, Robot};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -100,8 +100,19 @@ impl<'a> Build<'a> {
         if !joint.is_coupled() {
             return self.joints[index];
         }
-        let turned = joint.motor_per_joint.iter().map(|of| (of.ratio, hinges[of.joint].clone()));
-        let motor = CoupledMotor::new(turned, joint.actuator.armature_kg_m2);
+        let armature_kg_m2 = joint.actuator.armature_kg_m2;
+        let crank = joint.linkage.as_ref().and_then(|of| CrankMap::new(self.robot, joint, of));
+        let motor = match crank {
+            Some(crank) => {
+                let turned: Vec<_> = crank.joints().map(|joint| hinges[joint].clone()).collect();
+                CoupledMotor::with_crank(crank.renumbered(), turned, armature_kg_m2)
+            }
+            None => {
+                let ratios = joint.motor_per_joint.iter();
+                let turned = ratios.map(|of| (of.ratio, hinges[of.joint].clone()));
+                CoupledMotor::new(turned, armature_kg_m2)
+            }
+        };
         self.assembly.add(motor)
     }
 

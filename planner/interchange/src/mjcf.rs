@@ -17,7 +17,7 @@ use rollwalk_multibody::ground::Terrain;
 use rollwalk_multibody::{Standing, Tree};
 use rollwalk_planner::export::Rate;
 use rollwalk_planner::plan::Plan;
-use rollwalk_robot::{GRAVITY_M_S2, Joint, Robot, Solid};
+use rollwalk_robot::{CrankMap, GRAVITY_M_S2, Joint, Linkage, Robot, Solid};
 use std::io;
 
 /// Time step, s. Step and contact parameters (stiff, elliptic cones) equal those of the replays (`docs/replay.md`).
@@ -74,11 +74,12 @@ fn model(
             xml.empty("light", &[("pos", "0 0 3".into()), ("directional", "true".into())])?;
             terrain::geoms(xml, ground)?;
             let loads_n = loads(robot);
-            let tree = Bodies { bodies: &bodies, loads_n: &loads_n };
+            let tree = Bodies { robot, bodies: &bodies, loads_n: &loads_n };
             let names = terrain::names(ground);
             tree.body(xml, &mut names.iter().map(String::as_str).collect(), 0)
         })?;
         tendons(xml, robot, &bodies)?;
+        rods(xml, robot, &bodies)?;
         actuators(xml, robot, &bodies)?;
         sensors(xml, &bodies)?;
         xml.element("keyframe", &[], |xml| {
@@ -161,6 +162,7 @@ fn loads(robot: &Robot) -> Vec<f64> {
 
 /// Input of the body elements.
 struct Bodies<'r> {
+    robot: &'r Robot,
     bodies: &'r [Body<'r>],
     loads_n: &'r [f64],
 }
@@ -180,8 +182,43 @@ impl Bodies<'_> {
                 xml.empty("site", &[("name", "imu".into())])?;
             }
             body.solids.iter().try_for_each(|solid| geom(xml, geoms, solid))?;
+            self.linkages(xml, index)?;
             carried(self.bodies, index).try_for_each(|other| self.body(xml, geoms, other))
         })
+    }
+
+    /// Cranks of the servos on a link, and ends of rods.
+    fn linkages(&self, xml: &mut Xml, link: usize) -> io::Result<()> {
+        for (joint, linkage, name) in linkages(self.robot, self.bodies) {
+            if joint.child == link {
+                let end = vector(&linkage.rod_in_child_m);
+                xml.empty("site", &[("name", format!("{name}_rod")), ("pos", end)])?;
+            }
+            if linkage.link != link {
+                continue;
+            }
+            let crank =
+                [("name", format!("{name}_crank")), ("pos", vector(&linkage.pivot_in_link_m))];
+            xml.element("body", &crank, |xml| {
+                let servo = [
+                    ("name", format!("{name}_servo")),
+                    ("axis", vector(&linkage.axis_in_link)),
+                    ("ref", linkage.nominal_rad.to_string()),
+                    ("armature", joint.actuator.armature_kg_m2.to_string()),
+                ];
+                xml.empty("joint", &servo)?;
+                // MuJoCo requires a mass of what moves.
+                let inertial = [
+                    ("pos", "0 0 0".into()),
+                    ("mass", "1e-9".into()),
+                    ("diaginertia", "1e-12 1e-12 1e-12".into()),
+                ];
+                xml.empty("inertial", &inertial)?;
+                let pin = vector(&(linkage.pin_in_link_m - linkage.pivot_in_link_m));
+                xml.empty("site", &[("name", format!("{name}_pin")), ("pos", pin)])
+            })?;
+        }
+        Ok(())
     }
 
     fn joint(&self, xml: &mut Xml, body: &Body<'_>) -> io::Result<()> {
@@ -274,8 +311,16 @@ fn tendons(xml: &mut Xml, robot: &Robot, bodies: &[Body<'_>]) -> io::Result<()> 
     }
     let of_joint = |joint: usize| bodies[robot.joints[joint].child].hinge.as_ref();
     xml.element("tendon", &[], |xml| {
+        for (_, _, name) in linkages(robot, bodies) {
+            xml.element("spatial", &[("name", format!("{name}_rod"))], |xml| {
+                ["pin", "rod"]
+                    .iter()
+                    .try_for_each(|site| xml.empty("site", &[("site", format!("{name}_{site}"))]))
+            })?;
+        }
         for (number, joint) in robot.joints.iter().enumerate() {
-            let Some(hinge) = of_joint(number).filter(|_| joint.is_coupled()) else { continue };
+            let couples = !joint.motor_per_joint.is_empty();
+            let Some(hinge) = of_joint(number).filter(|_| couples) else { continue };
             let armature = joint.actuator.armature_kg_m2.to_string();
             let attributes = [("name", hinge.name.clone()), ("armature", armature)];
             xml.element("fixed", &attributes, |xml| {
@@ -284,6 +329,40 @@ fn tendons(xml: &mut Xml, robot: &Robot, bodies: &[Body<'_>]) -> io::Result<()> 
                     xml.empty("joint", &[("joint", name), ("coef", of.ratio.to_string())])
                 })
             })?;
+        }
+        Ok(())
+    })
+}
+
+/// Joints with crank and rod, and their names in the model.
+fn linkages<'b>(
+    robot: &'b Robot,
+    bodies: &'b [Body<'b>],
+) -> impl Iterator<Item = (&'b Joint, &'b Linkage, &'b str)> {
+    robot.joints.iter().filter_map(|joint| {
+        let hinge = bodies[joint.child].hinge.as_ref()?;
+        Some((joint, joint.linkage.as_ref()?, &*hinge.name))
+    })
+}
+
+/// Rods as spatial tendons of constant length.
+fn rods(xml: &mut Xml, robot: &Robot, bodies: &[Body<'_>]) -> io::Result<()> {
+    if linkages(robot, bodies).next().is_none() {
+        return Ok(());
+    }
+    xml.element("equality", &[], |xml| {
+        for (joint, linkage, name) in linkages(robot, bodies) {
+            let Some(crank) = CrankMap::new(robot, joint, linkage) else { continue };
+            // MuJoCo counts from the length with all joints at 0, and the crank where the file has it.
+            let zero = vec![0.0; robot.joints.len()];
+            let longer_m = crank.rod_m() - crank.distance_from_nominal_pin_m(&zero);
+            let rod = [
+                ("tendon1", format!("{name}_rod")),
+                ("polycoef", numbers(&[longer_m, 0.0, 0.0, 0.0, 0.0])),
+                ("solref", numbers(&[2.0 * STEP_S, 1.0])),
+                ("solimp", "0.9999 0.9999 0.001".into()),
+            ];
+            xml.empty("tendon", &rod)?;
         }
         Ok(())
     })
@@ -304,8 +383,14 @@ fn actuators(xml: &mut Xml, robot: &Robot, bodies: &[Body<'_>]) -> io::Result<()
                 HingeOrigin::Wheel { .. } => ("velocity", None),
             };
             let gains = gains.into_iter().chain([("kv", motor.kd_nm_s_rad)]);
-            let driven = if is_coupled(hinge) { "tendon" } else { "joint" };
-            let mut attributes = vec![("name", hinge.name.clone()), (driven, hinge.name.clone())];
+            let driven = match hinge.of {
+                HingeOrigin::Joint { joint, .. } if joint.linkage.is_some() => {
+                    ("joint", format!("{}_servo", hinge.name))
+                }
+                _ if is_coupled(hinge) => ("tendon", hinge.name.clone()),
+                _ => ("joint", hinge.name.clone()),
+            };
+            let mut attributes = vec![("name", hinge.name.clone()), driven];
             attributes.extend(gains.map(|(name, gain)| (name, gain.to_string())));
             attributes.push(("forcerange", numbers(&[-limit_nm, limit_nm])));
             xml.empty(kind, &attributes)?;

@@ -90,20 +90,15 @@ pub fn trajectory(plan: &Plan, rate: Rate) -> String {
         let time_from_start = duration(time_s);
         let (setpoints, motors_nm) = whole.setpoints(time_s);
         let (of_joints, of_wheels) = motors_nm.split_at(robot.joints.len());
-        let effort = [&transmission.joint_torques(of_joints), of_wheels].concat();
+        let joint_rad = transmission.joints(&setpoints.joint_rad);
+        let ratios = transmission.at(&joint_rad);
+        let effort = [&ratios.joint_torques(of_joints), of_wheels].concat();
         let angles = spline.motor_angles_rad(time_s);
         let wheels = driven_wheels(robot).map(|wheel| angles[wheel]);
         joints.push(JointPoint {
-            positions: transmission
-                .joints(&setpoints.joint_rad)
-                .into_iter()
-                .chain(wheels)
-                .collect(),
-            velocities: [
-                transmission.joints(&setpoints.joint_speed_rad_s),
-                setpoints.motor_speed_rad_s,
-            ]
-            .concat(),
+            velocities: [ratios.joints(&setpoints.joint_speed_rad_s), setpoints.motor_speed_rad_s]
+                .concat(),
+            positions: joint_rad.into_iter().chain(wheels).collect(),
             effort,
             time_from_start,
         });

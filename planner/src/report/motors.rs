@@ -74,8 +74,8 @@ fn joint_torques_nm(timeline: &Timeline, w: &Window) -> Vec<f64> {
             joint.actuator.armature_kg_m2 * bent(&angle).x
         })
         .collect();
-    let transmission = model.tree().transmission();
-    let mut torques = transmission.joint_torques(&rotors);
+    let ratios = here.pose.frames.ratios(model.tree());
+    let mut torques = ratios.joint_torques(&rotors);
     for (l, link) in timeline.plan.robot.links.iter().enumerate() {
         let center = |state: &State| state.pose.frames.point(l, &link.com_in_link_m);
         let push = (bent(&center) - gravity) * link.mass_kg;
@@ -97,13 +97,12 @@ fn joint_torques_nm(timeline: &Timeline, w: &Window) -> Vec<f64> {
             torques[dof - JOINTS] -= here.force(index).dot(&velocity);
         }
     }
-    transmission.motor_torques(&torques)
+    ratios.motor_torques(&torques)
 }
 
 /// Angle of the motor of a joint, rad.
 fn motor_rad(timeline: &Timeline, state: &State, joint: usize) -> f64 {
-    let ratios = timeline.model.tree().transmission().ratios(joint).iter();
-    ratios.map(|of| of.ratio * state.sample.joint_rad[of.joint]).sum()
+    timeline.model.tree().transmission().motors(&state.sample.joint_rad)[joint]
 }
 
 /// Torque of a wheel, N·m: minus the power of the ground force per unit of spin. The rim at the contact moves against the

@@ -82,7 +82,8 @@ fn yields_m(timeline: &Timeline, state: &State, j: usize) -> f64 {
     let limb = timeline.model.chain(j).dofs.iter().zip(&state.pose.end_effectors[j].d_center);
     limb.filter(|(dof, _)| **dof >= JOINTS)
         .map(|(dof, column)| {
-            let motors = timeline.model.tree().transmission().motor_ratios(dof - JOINTS).iter();
+            let ratios = state.pose.frames.ratios(timeline.model.tree());
+            let motors = ratios.motor_ratios(dof - JOINTS).iter();
             let yields_rad = motors.map(|of| {
                 let kp_nm_rad = timeline.plan.robot.joints[of.joint].actuator.kp_nm_rad;
                 let yields_rad = state.sample.joint_torque_nm[of.joint] / kp_nm_rad;

@@ -71,10 +71,10 @@ impl CompositeInertia {
     pub fn joint_inertia(&self, tree: &Tree, frames: &Frames, joint: usize) -> f64 {
         let screw = screw(tree, frames, joint);
         let momentum = self.links[tree.robot().joints[joint].child].momentum(&screw);
-        let transmission = tree.transmission();
+        let ratios = frames.ratios(tree);
         let rotors = (0..tree.robot().joints.len()).flat_map(|motor| {
             let of_joint = move |of: &&JointRatio| of.joint == joint;
-            let ratio = transmission.ratios(motor).iter().find(of_joint)?.ratio;
+            let ratio = ratios.ratios(motor).iter().find(of_joint)?.ratio;
             Some(ratio * ratio * tree.motor_armature_kg_m2(motor))
         });
         screw.power(&momentum) + rotors.sum::<f64>()
@@ -97,7 +97,7 @@ impl CompositeInertia {
             set_column(tree, frames, out, JOINTS + j, joint.child, &momentum);
         }
         for motor in 0..tree.robot().joints.len() {
-            let ratios = tree.transmission().ratios(motor);
+            let ratios = frames.ratios(tree).ratios(motor);
             for a in ratios {
                 for b in ratios {
                     let inertia = a.ratio * b.ratio * tree.motor_armature_kg_m2(motor);

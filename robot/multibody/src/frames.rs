@@ -3,6 +3,7 @@
 use crate::Tree;
 use crate::rotation::skew;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
+use rollwalk_robot::Ratios;
 
 /// Pose of the base, and joint angles. Wheel angles are absent, because wheels are symmetric about their axes.
 #[derive(Clone, Copy, Debug)]
@@ -24,6 +25,8 @@ pub struct Frames {
     pub link_origins: Vec<Vector3<f64>>,
     /// Axis of each joint, in joint order.
     pub joint_axes: Vec<Vector3<f64>>,
+    /// Ratios of the motors in this pose; `None` if they are constant.
+    ratios: Option<Ratios>,
     /// First moment Σ m x of each link with all links that it carries, kg·m.
     pub carried_moments: Vec<Vector3<f64>>,
 }
@@ -39,6 +42,7 @@ impl Frames {
             world_from_link: vec![Matrix3::identity(); links],
             link_origins: vec![Vector3::zeros(); links],
             joint_axes: vec![Vector3::zeros(); tree.robot().joints.len()],
+            ratios: None,
             carried_moments: vec![Vector3::zeros(); links],
         };
         frames.update(tree, at);
@@ -63,6 +67,9 @@ impl Frames {
             rotations[joint.child] = world_from_joint * turn.into_inner();
             self.joint_axes[j] = world_from_joint * joint.axis_in_joint;
         }
+        if tree.transmission().has_linkages() {
+            self.ratios = Some(tree.transmission().at(at.joint_rad).into_owned());
+        }
         // Leaves first.
         for l in 0..robot.links.len() {
             self.carried_moments[l] = self.link_com(tree, l) * robot.links[l].mass_kg;
@@ -71,6 +78,11 @@ impl Frames {
             let carried = self.carried_moments[joint.child];
             self.carried_moments[joint.parent] += carried;
         }
+    }
+
+    /// Ratios of the motors in this pose.
+    pub fn ratios<'f>(&'f self, tree: &'f Tree) -> &'f Ratios {
+        self.ratios.as_ref().unwrap_or_else(|| tree.transmission().nominal())
     }
 
     /// Transforms a point from the frame of a link to world axes, m.

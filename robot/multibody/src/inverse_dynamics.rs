@@ -38,7 +38,7 @@ impl Kinematics {
         }
         for motor in 0..tree.robot().joints.len() {
             let torque_nm = tree.motor_armature_kg_m2(motor) * self.motor_acceleration(tree, motor);
-            for of in tree.transmission().ratios(motor) {
+            for of in self.frames.ratios(tree).ratios(motor) {
                 out[JOINTS + of.joint] += of.ratio * torque_nm;
             }
         }
@@ -46,8 +46,13 @@ impl Kinematics {
 
     /// Acceleration of the motor of a joint, rad/s².
     fn motor_acceleration(&self, tree: &Tree, motor: usize) -> f64 {
-        let ratios = tree.transmission().ratios(motor).iter();
-        ratios.map(|of| of.ratio * self.acceleration[JOINTS + of.joint]).sum()
+        let of_pose = self.frames.ratios(tree);
+        let ratios = of_pose.ratios(motor).iter();
+        let bends = of_pose.bends(motor).iter();
+        ratios.map(|of| of.ratio * self.acceleration[JOINTS + of.joint]).sum::<f64>()
+            + bends
+                .map(|(j, k, by)| by * self.velocity[JOINTS + j] * self.velocity[JOINTS + k])
+                .sum::<f64>()
     }
 
     /// Adds the generalised forces of a force at a point and a moment on a link, all in world axes.

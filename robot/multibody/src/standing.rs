@@ -76,7 +76,7 @@ impl Standing {
         };
         let joints_nm: Vec<_> =
             (0..nominal.len()).map(|joint| standing.torque(tree, joint)).collect();
-        standing.torque_nm = tree.transmission().motor_torques(&joints_nm);
+        standing.torque_nm = standing.frames.ratios(tree).motor_torques(&joints_nm);
         for index in 0..points.len() {
             standing.contacts[index].sag_m = standing.sag(tree, index);
         }
@@ -105,7 +105,7 @@ impl Standing {
         let lift = |&joint: &usize| {
             let arm = self.contacts[end_effector].position
                 - self.frames.link_origins[robot.joints[joint].child];
-            let motors = tree.transmission().motor_ratios(joint).iter();
+            let motors = self.frames.ratios(tree).motor_ratios(joint).iter();
             let off_rad: f64 = motors
                 .map(|of| {
                     let kp_nm_rad = robot.joints[of.joint].actuator.kp_nm_rad;

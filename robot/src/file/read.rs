@@ -14,7 +14,7 @@ use super::shapes::shape;
 use crate::actuator::Actuator;
 use crate::contact::{Contact, KINDS};
 use crate::document::{Document, NamedNumber, Span, Table, alternatives};
-use crate::model::{EndEffector, Joint, JointRatio, Link, Robot};
+use crate::model::{EndEffector, Joint, JointRatio, Link, Linkage, Robot};
 use crate::rules::ITEMS_MAX;
 use crate::shape::DEFAULT_CLEARANCE_MARGIN_M;
 use crate::solid::Solid;
@@ -248,6 +248,8 @@ impl<'r, 'd> Reader<'r, 'd> {
         let child = self.link_index(&table, "child", &group.name(&child));
         let motor = self.motor(group, &table, ids);
         let coupling = table.given(MOTOR_PER_JOINT, Table::table);
+        let linkage = table.given("linkage", Table::table);
+        let linkage = linkage.map(|linkage| self.linkage(group, linkage, &axis));
         table.done();
         let Some((actuator, sheet)) = motor else { return };
         if let Some(coupling) = coupling {
@@ -275,9 +277,44 @@ impl<'r, 'd> Reader<'r, 'd> {
             nominal_rad,
             actuator,
             motor_per_joint: Vec::new(),
+            linkage,
         });
         let limb = group.limb.map(|limb| limb.table.clone());
         self.places.joints.push(Source { item: table, sheet: Some(sheet), limb });
+    }
+
+    /// Reads crank and rod. `joint_axis` is the axis of the joint in the file, and the default for that of the servo.
+    fn linkage(
+        &self,
+        group: &Group<'_, 'd>,
+        mut table: Table<'d>,
+        joint_axis: &Vector3<f64>,
+    ) -> Linkage {
+        table.call("[joint.linkage]");
+        let link = table.string("motor_on").unwrap_or_default();
+        // Points on the mount count from the origin of the limb, as origins of joints do.
+        let (link, mount_m) = match group.limb {
+            Some(limb) if link == MOUNT => {
+                (self.link_index(&limb.table, "parent", &limb.parent), limb.origin_m)
+            }
+            limb => {
+                let (name, mount) = (group.name(&link), limb.map(|_| MOUNT));
+                (self.link_index_or(mount, &table, "motor_on", &name), Vector3::zeros())
+            }
+        };
+        let [pivot_m, pin_m, rod_end_m] =
+            ["pivot_m", "pin_m", "rod_end_m"].map(|key| vector(&table, key));
+        let axis = if table.has("axis") { axis(&table, "axis") } else { *joint_axis };
+        let nominal_rad = table.given("motor_nominal_rad", Table::number).unwrap_or_default();
+        table.done();
+        Linkage {
+            link,
+            pivot_in_link_m: mount_m + group.point(pivot_m),
+            pin_in_link_m: mount_m + group.point(pin_m),
+            axis_in_link: group.axis(axis),
+            rod_in_child_m: group.point(rod_end_m),
+            nominal_rad,
+        }
     }
 
     fn end_effector(&mut self, group: &Group<'_, 'd>, mut table: Table<'d>, ids: &mut Ids) {

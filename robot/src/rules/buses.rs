@@ -98,11 +98,13 @@ impl Check<'_> {
                 let help = format!(
                     "{drive} cannot command it: narrow the limits of the joints, or lower the ratios"
                 );
+                let is_linked = matches!(channel, Channel::Joint(of) if of.linkage.is_some());
+                let field = if is_linked { "linkage" } else { "motor_per_joint" };
                 let problem = format_args!(
                     "gives the servo a range of {:.3} to {:.3} rad",
                     config.min, config.max
                 );
-                self.violated("motor_per_joint", problem, help);
+                self.violated(field, problem, help);
                 return;
             }
             Refusal::OutOfRange(_) | Refusal::Unsupported(_) | Refusal::Missing(_) => {

@@ -54,6 +54,9 @@ pub(crate) fn violations(robot: &Robot) -> Vec<Violation> {
     check.buses();
     // These rules require numbers that break no other rule.
     if check.found.is_empty() {
+        check.linkages();
+    }
+    if check.found.is_empty() {
         check.couplings();
     }
     if check.found.is_empty() {

@@ -84,6 +84,9 @@ impl Check<'_> {
             self.violated("kp_nm_rad", "is 0", help);
         }
         self.coupling(index, joint);
+        if let Some(linkage) = &joint.linkage {
+            self.linkage(joint, linkage);
+        }
     }
 
     fn coupling(&mut self, index: usize, joint: &Joint) {
@@ -106,7 +109,8 @@ impl Check<'_> {
                 self.violated(field, format_args!("has joint {} wrongly", of.joint), help);
             }
         }
-        if joint.is_coupled() && !joint.motor_per_joint.iter().any(|of| of.joint == index) {
+        let couples = !joint.motor_per_joint.is_empty();
+        if couples && !joint.motor_per_joint.iter().any(|of| of.joint == index) {
             let help = format!("add `{} = 1.0`, or another ratio", joint.name);
             self.violated(field, "lacks the joint itself", help);
         }

@@ -46,16 +46,16 @@ fn a_belt_turns_its_servo_with_both_joints() {
     // Equal power: the belt's torque acts on both joints.
     let mut motors_nm = vec![0.0; robot.joints.len()];
     (motors_nm[shoulder], motors_nm[elbow]) = (0.2, 1.0);
-    let joints_nm = belt.joint_torques(&motors_nm);
+    let joints_nm = belt.nominal().joint_torques(&motors_nm);
     assert!((joints_nm[shoulder] - 1.7).abs() < 1e-15 && (joints_nm[elbow] - 1.5).abs() < 1e-15);
-    for (motor, back) in motors_nm.iter().zip(belt.motor_torques(&joints_nm)) {
+    for (motor, back) in motors_nm.iter().zip(belt.nominal().motor_torques(&joints_nm)) {
         assert!((motor - back).abs() < 1e-15, "rounding only");
     }
     // 1.5 times the sum of [-1, 1] and [-2, -0.5].
     let config = robot.controller_config().unwrap();
     assert_eq!((config.channels[elbow].min, config.channels[elbow].max), (-4.5, 0.75));
     assert_eq!((config.channels[shoulder].min, config.channels[shoulder].max), (-1.0, 1.0));
-    let fastest_rad_s = belt.joint_speed_max_rad_s(&robot, elbow);
+    let fastest_rad_s = belt.nominal().joint_speed_max_rad_s(&robot, elbow);
     assert!((fastest_rad_s - (5.0 / 1.5 + 5.0)).abs() < 1e-12, "{fastest_rad_s}");
 }
 

@@ -3,6 +3,7 @@
 mod contacts;
 mod couplings;
 mod document;
+mod linkages;
 mod rules;
 mod shapes;
 mod upright;

@@ -336,11 +336,10 @@ impl<'p> Conductor<'p> {
         let angle = |channel| joint(channel).map_or(f64::NAN, |of| f64::from(of.position_rad));
         let speed = |channel| joint(channel).map_or(f64::NAN, |of| f64::from(of.velocity_rad_s));
         let joints = self.transmission.motor_count();
-        let of_joints = |motors: &dyn Fn(usize) -> f64| {
-            self.transmission.joints(&(0..joints).map(motors).collect::<Vec<_>>())
-        };
-        self.joint_rad = of_joints(&angle);
-        self.speed_rad_s = of_joints(&speed);
+        let motor_rad: Vec<_> = (0..joints).map(angle).collect();
+        let motor_rad_s: Vec<_> = (0..joints).map(speed).collect();
+        self.joint_rad = self.transmission.joints(&motor_rad);
+        self.speed_rad_s = self.transmission.at(&self.joint_rad).joints(&motor_rad_s);
         self.speed_rad_s.extend(self.wheels.iter().copied().map(speed));
         let contacts = self.fresh_contacts(measured);
         self.planned_contacts = contacts.is_none();

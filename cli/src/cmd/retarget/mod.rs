@@ -98,7 +98,7 @@ impl CorrectedPlan {
         if let Some(joint) = plan.robot.joints.iter().find(|joint| joint.is_coupled()) {
             return Err(miette!(
                 help = "play the plan with feed-forward torques, which needs no corrections",
-                "the motor of joint `{}` turns several joints (`motor_per_joint`), and set-points \
+                "the motor of joint `{}` is coupled (`motor_per_joint` or `linkage`), and set-points \
                  of such motors cannot be corrected",
                 joint.name
             ));

@@ -128,9 +128,9 @@ pub enum FitError {
     /// Mass of a link with a soft foot, which cannot be fitted.
     #[error("the mass of {0} cannot be fitted, because its foot is soft")]
     Soft(String),
-    /// Motor that turns several joints, whose drive cannot be fitted.
+    /// Coupled motor, whose drive cannot be fitted.
     #[error(
-        "the motor of joint `{0}` turns several joints (`motor_per_joint`), and such drives \
+        "the motor of joint `{0}` is coupled (`motor_per_joint` or `linkage`), and such drives \
          cannot be fitted"
     )]
     Coupled(String),

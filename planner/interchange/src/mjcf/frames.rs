@@ -8,7 +8,7 @@ use rollwalk_planner::export::Rate;
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::sample::PlanSpline;
 use rollwalk_planner::whole_body::WholeBody;
-use rollwalk_robot::Robot;
+use rollwalk_robot::{Linkage, Robot, Transmission};
 
 /// A state of a model.
 pub struct Keyframe {
@@ -117,10 +117,15 @@ fn controls(
 enum Coordinate {
     Joint(usize),
     Wheel(usize),
+    /// Crank of the servo of a joint.
+    Crank(usize),
 }
 
 /// Coordinates of a model after those of its base, in the order of MuJoCo.
-struct Order(Vec<Coordinate>);
+struct Order {
+    coordinates: Vec<Coordinate>,
+    transmission: Transmission,
+}
 
 impl Order {
     fn new(robot: &Robot) -> Self {
@@ -129,16 +134,29 @@ impl Order {
             HingeOrigin::Joint { number, .. } => Some(Coordinate::Joint(number)),
             HingeOrigin::Wheel { number, .. } => Some(Coordinate::Wheel(number)),
         };
-        Self(depth_first(&bodies).into_iter().filter_map(of).collect())
+        let cranks = |link: usize| {
+            let joints = robot.joints.iter().enumerate();
+            let on_link = move |linkage: &Linkage| linkage.link == link;
+            let on_link =
+                joints.filter(move |(_, joint)| joint.linkage.as_ref().is_some_and(on_link));
+            on_link.map(|(number, _)| Coordinate::Crank(number))
+        };
+        let all = depth_first(&bodies).into_iter();
+        Self {
+            coordinates: all.flat_map(|body| of(body).into_iter().chain(cranks(body))).collect(),
+            transmission: robot.transmission(),
+        }
     }
 
     /// Generalised positions of a state. The sign of the quaternion `wxyz` is continuous along a motion.
     fn positions(&self, state: &State, wxyz: [f64; 4], wheel_rad: &[f64]) -> Vec<f64> {
         let mut all: Vec<_> = state.base_position_m.iter().copied().collect();
         all.extend(wxyz);
-        all.extend(self.0.iter().map(|of| match *of {
+        let motor_rad = self.transmission.motors(&state.joint_rad);
+        all.extend(self.coordinates.iter().map(|of| match *of {
             Coordinate::Joint(joint) => state.joint_rad[joint],
             Coordinate::Wheel(wheel) => wheel_rad[wheel],
+            Coordinate::Crank(joint) => motor_rad[joint],
         }));
         all
     }
@@ -148,9 +166,12 @@ impl Order {
         let part = |from: usize| Vector3::from_column_slice(&state.velocity[from..from + 3]);
         let spin_in_body = state.world_from_body.transpose() * part(ANGULAR);
         let mut all: Vec<_> = part(LINEAR).iter().chain(spin_in_body.iter()).copied().collect();
-        all.extend(self.0.iter().map(|of| match *of {
-            Coordinate::Joint(joint) => state.velocity[JOINTS + joint],
+        let joints = &state.velocity[JOINTS..JOINTS + state.joint_rad.len()];
+        let motor_rad_s = self.transmission.at(&state.joint_rad).motors(joints);
+        all.extend(self.coordinates.iter().map(|of| match *of {
+            Coordinate::Joint(joint) => joints[joint],
             Coordinate::Wheel(wheel) => wheel_rad_s[wheel],
+            Coordinate::Crank(joint) => motor_rad_s[joint],
         }));
         all
     }

@@ -14,6 +14,7 @@
 //! ([`rollwalk_multibody::euler::SweptMoment`]). |τ| has a kink at 0, where the row is far from active, so that one row covers
 //! both signs.
 
+use super::motor_motion::{ratios, second_difference_rad};
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
@@ -21,7 +22,7 @@ use nalgebra::Vector3;
 use rollwalk_multibody::euler::{
     BASE_POSITION, BASE_YAW, CarriedPair, JOINTS, cross_sum, turned_first, turned_second,
 };
-use rollwalk_robot::{GRAVITY_M_S2, JointRatio};
+use rollwalk_robot::{GRAVITY_M_S2, Ratios};
 
 /// Constraint: torque limits of joint motors.
 pub struct JointTorque;
@@ -37,39 +38,35 @@ pub(super) struct MotorTorque<'w> {
     first: (f64, Torque<'w>),
     /// Factors and torques of the other joints.
     others: Vec<(f64, Torque<'w>)>,
-    rotor: Rotor<'w>,
+    /// Derivatives of the factors with respect to joints, times the torques of the joints, N·m/rad. Empty for constant ratios.
+    by_ratios: Vec<(usize, f64)>,
+    rotor: Rotor,
 }
 
 /// Inertia of the rotor of a motor.
 #[derive(Clone, Copy)]
-struct Rotor<'w> {
+struct Rotor {
+    motor: usize,
     armature_kg_m2: f64,
-    ratios: &'w [JointRatio],
 }
 
 impl<'w> MotorTorque<'w> {
     /// Computes the torque of the motor of joint `motor`. Feet in swing carry no force.
     pub fn new(window: &'w Window<'w>, motor: usize) -> Self {
         let tree = window.problem.model.tree();
-        let transmission = tree.transmission();
+        let ratios = ratios(window, 1);
         let armature_kg_m2 = tree.robot().joints[motor].actuator.armature_kg_m2;
-        let rotor = Rotor { armature_kg_m2, ratios: transmission.ratios(motor) };
-        let mut factors = transmission.torque_factors(motor).iter();
+        let rotor = Rotor { motor, armature_kg_m2 };
+        let mut factors = ratios.torque_factors(motor).iter();
         let mut next = || factors.next().map(|of| (of.ratio, Torque::new(window, of.joint)));
         let first = next().expect("a motor acts on a joint");
         let others: Vec<_> = std::iter::from_fn(next).collect();
         let all = std::iter::once(&first).chain(&others);
         let torque_nm = all.map(|(factor, torque)| factor * torque.value_nm).sum::<f64>();
-        let acceleration: f64 = rotor
-            .ratios
-            .iter()
-            .map(|of| {
-                let angles = window.states.map(|state| state.vars[JOINTS + of.joint]);
-                of.ratio * ((angles[0] - 2.0 * angles[1] + angles[2]) * first.1.per_h2)
-            })
-            .sum();
+        let acceleration = second_difference_rad(window, motor, first.1.per_h2);
         let value_nm = torque_nm + armature_kg_m2 * acceleration;
-        Self { value_nm, first, others, rotor }
+        let by_ratios = by_ratios(ratios, motor, window);
+        Self { value_nm, first, others, by_ratios, rotor }
     }
 
     /// Adds `factor` times the derivative of the torque to the next row.
@@ -82,7 +79,30 @@ impl<'w> MotorTorque<'w> {
         for (of_joint, torque) in &self.others {
             torque.differentiate(of_joint * factor, None, out);
         }
+        for &(joint, by) in &self.by_ratios {
+            out.d(1, JOINTS + joint, factor * by);
+        }
     }
+}
+
+/// Derivative of A⁻ᵀ τ with respect to joint angles at constant τ: −A⁻ᵀ dAᵀ A⁻ᵀ τ. Entries are joints and N·m/rad.
+fn by_ratios(ratios: &Ratios, motor: usize, window: &Window) -> Vec<(usize, f64)> {
+    let mut entries = Vec::new();
+    let factors = ratios.torque_factors(motor);
+    for other in 0..window.problem.model.robot().joints.len() {
+        let bends = ratios.bends(other);
+        let factor = |joint: usize| factors.iter().find(|of| of.joint == joint).map(|of| of.ratio);
+        if !bends.iter().any(|(joint, ..)| factor(*joint).is_some()) {
+            continue;
+        }
+        let of_other = ratios.torque_factors(other).iter();
+        let torque_nm: f64 =
+            of_other.map(|of| of.ratio * Torque::new(window, of.joint).value_nm).sum();
+        for &(joint, by, bend) in bends {
+            entries.extend(factor(joint).map(|factor| (by, -factor * bend * torque_nm)));
+        }
+    }
+    entries
 }
 
 /// Torque of one joint at the middle sample of a window, with the values that its derivative needs.
@@ -149,7 +169,7 @@ impl<'w> Torque<'w> {
     }
 
     /// Adds `factor` times the derivative of the torque, and a factor times that of the torque of a rotor, to the next row.
-    fn differentiate(&self, factor: f64, rotor: Option<(f64, Rotor<'_>)>, out: &mut RowWriter) {
+    fn differentiate(&self, factor: f64, rotor: Option<(f64, Rotor)>, out: &mut RowWriter) {
         let Self { window, joint, axis, per_h2, .. } = self;
         let model = &window.problem.model;
         let here = window.states[1];
@@ -168,10 +188,10 @@ impl<'w> Torque<'w> {
         out.d_vector(0, BASE_POSITION, &d_shift);
         out.d_vector(1, BASE_POSITION, &(d_origin - d_shift * 2.0));
         out.d_vector(2, BASE_POSITION, &d_shift);
-        if let Some((per_h2, Rotor { armature_kg_m2, ratios })) = rotor {
+        if let Some((per_h2, Rotor { motor, armature_kg_m2 })) = rotor {
             let inertia = armature_kg_m2 * per_h2;
-            for of in ratios {
-                for (k, times) in [(0, 1.0), (1, -2.0), (2, 1.0)] {
+            for (k, times) in [(0, 1.0), (1, -2.0), (2, 1.0)] {
+                for of in ratios(window, k).ratios(motor) {
                     out.d(k, JOINTS + of.joint, of.ratio * (inertia * times));
                 }
             }

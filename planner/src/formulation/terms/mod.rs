@@ -18,6 +18,7 @@ mod joint_speed;
 mod joint_torque;
 mod link_clearance;
 mod link_turn;
+mod motor_motion;
 mod no_slip;
 mod regularisers;
 mod smoothness;

@@ -6,12 +6,12 @@
 //! of the line.
 
 use super::joint_torque::{BAND_FRACTION, MotorTorque};
+use super::motor_motion;
 use super::wheel_speed::MotorSpeed;
 use super::wheel_torque;
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
-use rollwalk_multibody::euler::JOINTS;
 
 /// Constraint: torque-speed lines of motors.
 pub struct TorqueSpeed;
@@ -32,24 +32,13 @@ impl Term for TorqueSpeed {
                 continue;
             }
             let torque = MotorTorque::new(window, j);
-            let ratios = problem.model.tree().transmission().ratios(j);
-            let [before, _, after] = window.states;
-            let speed_rad_s: f64 = ratios
-                .iter()
-                .map(|of| {
-                    let [before, after] = [before, after].map(|at| at.vars[JOINTS + of.joint]);
-                    of.ratio * ((after - before) / (2.0 * h))
-                })
-                .sum();
+            let speed_rad_s = motor_motion::mean_speed(window, [0, 2], j, 2.0 * h);
             let used =
                 torque.value_nm / line.stall_torque_nm + speed_rad_s / line.no_load_speed_rad_s;
             let sign = used.signum();
             torque.differentiate(sign / line.stall_torque_nm, out);
             let d_angle = sign / line.no_load_speed_rad_s / (2.0 * h);
-            for of in ratios {
-                out.d(0, JOINTS + of.joint, of.ratio * -d_angle);
-                out.d(2, JOINTS + of.joint, of.ratio * d_angle);
-            }
+            motor_motion::differentiate(window, [0, 2], j, d_angle, out);
             out.row_of(Subject::Joint(j), used.abs() - 1.0);
         }
         for (j, ee) in robot.end_effectors.iter().enumerate() {

@@ -47,6 +47,7 @@ fn two_link_arm() -> Robot {
             nominal_rad: 0.0,
             actuator: actuator(ARMATURE),
             motor_per_joint: Vec::new(),
+            linkage: None,
         });
     }
     robot

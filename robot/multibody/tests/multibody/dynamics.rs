@@ -78,7 +78,7 @@ fn kinetic_energy_is_the_sum_over_links_and_wheels() {
             energy += wheel.armature_kg_m2 * speed * speed;
         }
         let joints = tree.robot().joints.len();
-        let motor_speeds = tree.transmission().motors(&state.velocity[6..6 + joints]);
+        let motor_speeds = now.frames.ratios(tree).motors(&state.velocity[6..6 + joints]);
         for (joint, speed) in tree.robot().joints.iter().zip(&motor_speeds) {
             energy += joint.actuator.armature_kg_m2 * speed * speed;
         }

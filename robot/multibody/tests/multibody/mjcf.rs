@@ -6,7 +6,7 @@
 use crate::robots::wheel_mass_kg;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::{Tree, Wheel};
-use rollwalk_robot::{Joint, Robot};
+use rollwalk_robot::{CrankMap, Joint, Robot};
 use std::fmt::Write;
 
 /// MuJoCo model of a robot with armature and spinning wheels, which are thin discs.
@@ -19,9 +19,16 @@ pub fn model(tree: &Tree) -> String {
     );
     link(tree, 0, &mut out);
     out += "</worldbody>\n";
-    if tree.robot().joints.iter().any(Joint::is_coupled) {
+    let robot = tree.robot();
+    if robot.joints.iter().any(Joint::is_coupled) {
         out += "<tendon>\n";
-        for joint in tree.robot().joints.iter().filter(|joint| joint.is_coupled()) {
+        for joint in robot.joints.iter().filter(|joint| joint.linkage.is_some()) {
+            let name = &joint.name;
+            writeln!(out, "<spatial name=\"{name}_rod\">").unwrap();
+            writeln!(out, "<site site=\"{name}_pin\"/><site site=\"{name}_end\"/></spatial>")
+                .unwrap();
+        }
+        for joint in robot.joints.iter().filter(|joint| !joint.motor_per_joint.is_empty()) {
             let armature = joint.actuator.armature_kg_m2;
             writeln!(out, "<fixed armature=\"{armature:?}\">").unwrap();
             for of in &joint.motor_per_joint {
@@ -30,7 +37,17 @@ pub fn model(tree: &Tree) -> String {
             }
             out += "</fixed>\n";
         }
-        out += "</tendon>\n";
+        out += "</tendon>\n<equality>\n";
+        for joint in &robot.joints {
+            let Some(linkage) = &joint.linkage else { continue };
+            let crank = CrankMap::new(robot, joint, linkage).unwrap();
+            let zero = vec![0.0; robot.joints.len()];
+            let longer_m = crank.rod_m() - crank.distance_from_nominal_pin_m(&zero);
+            let name = &joint.name;
+            writeln!(out, "<tendon tendon1=\"{name}_rod\" polycoef=\"{longer_m:?} 0 0 0 0\"/>")
+                .unwrap();
+        }
+        out += "</equality>\n";
     }
     out += "</mujoco>\n";
     out
@@ -66,6 +83,26 @@ fn link(tree: &Tree, index: usize, out: &mut String) {
         hinge(&format!("wheel:{name}"), &axis, armature, out);
         inertial(mass_of(robot, wheel), &Vector3::zeros(), &disc(robot, wheel), out);
         *out += "</body>\n";
+    }
+    for joint in &robot.joints {
+        let (name, Some(linkage)) = (&joint.name, &joint.linkage) else { continue };
+        if joint.child == index {
+            let end = numbers(linkage.rod_in_child_m);
+            writeln!(out, "<site name=\"{name}_end\" pos=\"{end}\"/>").unwrap();
+        }
+        if linkage.link != index {
+            continue;
+        }
+        let (pivot, axis) = (numbers(linkage.pivot_in_link_m), numbers(linkage.axis_in_link));
+        let pin = numbers(linkage.pin_in_link_m - linkage.pivot_in_link_m);
+        let (reference, armature) = (linkage.nominal_rad, joint.actuator.armature_kg_m2);
+        writeln!(
+            out,
+            "<body pos=\"{pivot}\"><joint name=\"{name}_servo\" axis=\"{axis}\" ref=\"{reference:?}\" \
+             armature=\"{armature:?}\"/><inertial pos=\"0 0 0\" mass=\"1e-9\" \
+             diaginertia=\"1e-12 1e-12 1e-12\"/><site name=\"{name}_pin\" pos=\"{pin}\"/></body>"
+        )
+        .unwrap();
     }
     for joint in robot.joints.iter().filter(|joint| joint.parent == index) {
         let pose = &joint.parent_from_joint;

@@ -7,7 +7,7 @@ use crate::mjcf;
 use crate::robots::{State, full_tree, numbers, shipped, vector};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Matrix6xX, Vector3};
 use rollwalk_multibody::{
-    CompositeInertia, Kinematics, RimContact, Tree, about_com, centroidal_momentum_matrix,
+    CompositeInertia, JOINTS, Kinematics, RimContact, Tree, about_com, centroidal_momentum_matrix,
     forward_dynamics,
 };
 use rollwalk_robot::Robot;
@@ -23,11 +23,26 @@ const STATES: usize = 50;
 #[ignore = "needs MuJoCo: cargo xtask test --only multibody"]
 fn agrees_with_mujoco() {
     let states = env::var("MULTIBODY_STATES").map_or(STATES, |text| text.parse().unwrap());
-    let files: Vec<PathBuf> = shipped().iter().map(|robot| write(robot, states)).collect();
+    let mut robots = shipped();
+    robots.retain(|robot| robot.joints.iter().all(|joint| joint.linkage.is_none()));
+    let files: Vec<PathBuf> = robots.iter().map(|robot| write(robot, states)).collect();
     let output = compare(&files);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     println!("{}", String::from_utf8_lossy(&output.stdout));
     files.iter().for_each(|file| fs::remove_file(file).unwrap());
+}
+
+/// Checks torques of motors with crank and rod, in poses within the limits of the joints.
+#[test]
+#[ignore = "needs MuJoCo: cargo xtask test --only multibody"]
+fn torques_of_linkages_are_those_of_mujoco_with_equalities() {
+    let robot = shipped().into_iter().find(|robot| robot.name == "pup_five_bar").unwrap();
+    let file = write(&robot, STATES);
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/compare_linkages.py");
+    let output = Command::new("python3").arg(script).arg(&file).output().expect("python3 runs");
+    println!("{}", String::from_utf8_lossy(&output.stdout));
+    assert!(output.status.success(), "{output:?}");
+    fs::remove_file(file).unwrap();
 }
 
 #[test]
@@ -57,10 +72,17 @@ fn write(robot: &Robot, states: usize) -> PathBuf {
     let mut rng = fastrand::Rng::with_seed(2024);
     let states: Vec<Value> = (0..states)
         .map(|_| {
-            let state = State::random(&tree, &mut rng);
+            let mut state = State::random(&tree, &mut rng);
+            if tree.transmission().has_linkages() {
+                for (angle, joint) in state.joint_rad.iter_mut().zip(&robot.joints) {
+                    let (min, max) = (joint.position_min_rad, joint.position_max_rad);
+                    *angle = min + (max - min) * rng.f64();
+                }
+            }
             let points: Vec<_> = robot.links.iter().map(|_| vector(&mut rng) * 0.2).collect();
             let wheel_rad = numbers(tree.wheels().len(), 3.0, &mut rng);
             let q = state.world_from_body.quaternion();
+            let motors = motor_rates(&tree, &state);
             json!({
                 "base_position_m": state.base_position_m,
                 "world_from_body_wxyz": [q.w, q.i, q.j, q.k],
@@ -72,6 +94,9 @@ fn write(robot: &Robot, states: usize) -> PathBuf {
                 "gravity_m_s2": state.gravity_m_s2,
                 "normal": state.normal,
                 "points_in_link_m": points,
+                "motor_rad": tree.transmission().motors(&state.joint_rad),
+                "motor_rad_s": motors.0,
+                "motor_rad_s2": motors.1,
                 "results": results(&tree, &state, &points),
             })
         })
@@ -102,6 +127,19 @@ fn write(robot: &Robot, states: usize) -> PathBuf {
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{}.json", robot.name));
     fs::write(&file, data.to_string()).unwrap();
     file
+}
+
+/// Speeds and accelerations of the motors of joints.
+fn motor_rates(tree: &Tree, state: &State) -> (Vec<f64>, Vec<f64>) {
+    let joints = JOINTS..JOINTS + tree.robot().joints.len();
+    let (speed, acceleration) = (&state.velocity[joints.clone()], &state.acceleration[joints]);
+    let ratios = tree.transmission().at(&state.joint_rad);
+    let mut accelerations = ratios.motors(acceleration);
+    for (motor, sum) in accelerations.iter_mut().enumerate() {
+        *sum +=
+            ratios.bends(motor).iter().map(|(j, k, by)| by * speed[*j] * speed[*k]).sum::<f64>();
+    }
+    (ratios.motors(speed), accelerations)
 }
 
 fn results(tree: &Tree, state: &State, points_in_link_m: &[Vector3<f64>]) -> Value {
@@ -185,6 +223,11 @@ fn results(tree: &Tree, state: &State, points_in_link_m: &[Vector3<f64>]) -> Val
     now.accelerate(tree, &state.acceleration);
     now.inverse_dynamics(tree, &state.gravity_m_s2, bias.as_mut_slice());
     value["inverse_dynamics"] = numbers_of(bias.iter());
+    if tree.transmission().has_linkages() {
+        let joints = JOINTS..JOINTS + tree.robot().joints.len();
+        let torques = now.frames.ratios(tree).motor_torques(&bias.as_slice()[joints]);
+        value["motor_torques"] = numbers_of(torques.iter());
+    }
     value
 }
 

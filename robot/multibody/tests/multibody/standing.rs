@@ -35,6 +35,7 @@ fn table(feet: &[[f64; 2]], com: Vector3<f64>) -> Robot {
             nominal_rad,
             actuator: crate::closed_forms::actuator(0.01),
             motor_per_joint: Vec::new(),
+            linkage: None,
         });
         child
     };
@@ -154,7 +155,7 @@ fn torques_of_shipped_robots_are_those_of_inverse_dynamics() {
         // N and N·m of robots up to 36 kg. One foot balances no moment.
         let rows = if tips || robot.end_effectors.len() == 1 { 3 } else { 6 };
         assert!(forces.rows(0, rows).amax() < 1e-9, "{}: {forces}", robot.name);
-        let joints_nm = tree.transmission().joint_torques(&standing.torque_nm);
+        let joints_nm = standing.frames.ratios(&tree).joint_torques(&standing.torque_nm);
         for (joint, torque) in joints_nm.iter().enumerate() {
             assert!((forces[JOINTS + joint] - torque).abs() < 1e-9, "{}", robot.name);
         }

@@ -1,0 +1,111 @@
+//! Rules of linkages: the loop of crank and rod closes with a margin in all poses that the limits of the joints allow.
+
+use super::{Check, Item, LENGTH_MAX_M};
+use crate::linkage::CrankMap;
+use crate::model::{Joint, Linkage, Robot};
+use std::f64::consts::TAU;
+
+/// Smallest sine of the angles between crank and rod, and between rod and the lever of the joint: 10 degrees. A linkage is
+/// singular where one of them is 0.
+const SINE_MIN: f64 = 0.17;
+/// Number of angles of each joint at which a linkage is checked.
+const ANGLES: usize = 13;
+/// Maximum number of joints between the servo's link and the child link.
+const PATH_MAX: usize = 3;
+
+/// Calls `visit` with joint angles in a grid over the limits of the joints that turn a servo, until it returns false.
+pub(crate) fn for_each_pose(
+    robot: &Robot,
+    crank: &CrankMap,
+    mut visit: impl FnMut(&[f64]) -> bool,
+) {
+    let path: Vec<_> = crank.joints().collect();
+    let mut joint_rad: Vec<_> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
+    for pose in 0..ANGLES.pow(path.len().min(PATH_MAX) as u32) {
+        let mut rest = pose;
+        for &index in path.iter().take(PATH_MAX) {
+            let joint = &robot.joints[index];
+            let part = (rest % ANGLES) as f64 / (ANGLES - 1) as f64;
+            joint_rad[index] =
+                joint.position_min_rad * (1.0 - part) + joint.position_max_rad * part;
+            rest /= ANGLES;
+        }
+        if !visit(&joint_rad) {
+            return;
+        }
+    }
+}
+
+impl Check<'_> {
+    /// Checks the fields of a linkage.
+    pub(super) fn linkage(&mut self, joint: &Joint, linkage: &Linkage) {
+        if !joint.motor_per_joint.is_empty() {
+            let help = "give one of `motor_per_joint` and `linkage`";
+            self.violated("linkage", "is given beside `motor_per_joint`", help);
+        }
+        for (field, point) in [
+            ("pivot_m", &linkage.pivot_in_link_m),
+            ("pin_m", &linkage.pin_in_link_m),
+            ("rod_end_m", &linkage.rod_in_child_m),
+        ] {
+            self.vector(field, point);
+        }
+        self.unit_axis("axis", &linkage.axis_in_link);
+        if !(-TAU..=TAU).contains(&linkage.nominal_rad) {
+            let help = "give the servo's angle in the nominal pose within ±2π";
+            self.violated(
+                "motor_nominal_rad",
+                format_args!("is {} rad", linkage.nominal_rad),
+                help,
+            );
+        }
+    }
+
+    /// Checks that all linkages close. Requires joints that break no other rule.
+    pub(super) fn linkages(&mut self) {
+        let robot = self.robot;
+        for (index, joint) in robot.joints.iter().enumerate() {
+            let Some(linkage) = &joint.linkage else { continue };
+            self.at(Item::Joint(index), format!("joint `{}`", joint.name));
+            let Some(crank) = CrankMap::new(robot, joint, linkage) else {
+                let help = "name the parent of the joint or a link before it, and a pin apart from the pivot and from the rod's end";
+                self.violated("linkage", "cannot turn the joint", help);
+                continue;
+            };
+            if crank.joints().count() > PATH_MAX {
+                let help = format!(
+                    "at most {PATH_MAX} joints are between the servo and the link that it turns"
+                );
+                self.violated("linkage", "spans too many joints", help);
+                continue;
+            }
+            if crank.rod_m() > LENGTH_MAX_M {
+                self.violated("linkage", "has too long a rod", "lengths are in metres");
+                continue;
+            }
+            let mut singular = None;
+            for_each_pose(robot, &crank, |joint_rad| {
+                let sines = crank.state(joint_rad).sines;
+                if sines.iter().all(|sine| sine.abs() >= SINE_MIN) {
+                    return true;
+                }
+                let places = crank
+                    .joints()
+                    .map(|joint| format!("{} = {:.3}", robot.joints[joint].name, joint_rad[joint]));
+                let what = match sines {
+                    [0.0, 0.0] => "does not close",
+                    [at_crank, _] if at_crank.abs() < SINE_MIN => {
+                        "has crank and rod nearly in line"
+                    }
+                    _ => "has a rod that points nearly at the joint",
+                };
+                singular = Some(format!("{what} at {} rad", places.collect::<Vec<_>>().join(", ")));
+                false
+            });
+            if let Some(problem) = singular {
+                let help = "narrow the limits of these joints, or move pivot, pin or rod end: 10 degrees are left to every singular pose";
+                self.violated("linkage", problem, help);
+            }
+        }
+    }
+}
