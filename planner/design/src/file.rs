@@ -36,7 +36,7 @@
 use crate::goal::Goal;
 use crate::parameter::{Axis, Kind, Location};
 use crate::text::NoEffect;
-use rollwalk_robot::document::{Document, DocumentError, Table};
+use rollwalk_robot::document::{Document, DocumentError, Table, in_other_unit};
 
 /// Maximum number of parameters in a design.
 const PARAMETERS_MAX: usize = 64;
@@ -127,9 +127,10 @@ impl DesignFile {
                 }
                 Ok(value) if !(*min..=*max).contains(&value) => {
                     let unit = place.kind.unit().0;
+                    let reach = value.abs();
                     let help = format!(
-                        "widen the bounds to include {value} {unit}, the value in \
-                        the file"
+                        "widen the bounds to include {value} {unit}, the value in the file{}",
+                        in_other_unit(*min, &(-reach..=reach), unit)
                     );
                     let problem = format_args!(
                         "of parameter `{name}` is {value} {unit}, outside its bounds {min} to {max}"

@@ -72,6 +72,11 @@ fn faults_say_what_would_be_right() {
             "min_m = 0.13",
             "is 0.12 m, outside its bounds 0.13 to 0.16; widen the bounds to include 0.12 m, the value in the file",
         ),
+        (
+            "min_m = 0.09\nmax_m = 0.16",
+            "min_m = 90\nmax_m = 160",
+            "outside its bounds 90 to 160; widen the bounds to include 0.12 m, the value in the file; 90 mm would be 0.09 m",
+        ),
         ("min_m = 0.07", "min_rad = 0.07", "unknown key `min_rad`"),
         ("mount = \"leg.y\"\n", "", "changes nothing; give exactly one of length_of, joint, mount"),
         (
