@@ -147,18 +147,21 @@ pub(super) fn data_sheet(table: &Table<'_>) -> Actuator {
     actuator
 }
 
-/// Reads the name of a servo in the shipped catalogue.
+/// Reads the name of a servo in the shipped catalogue. An unknown name becomes any servo, so that no other key is missing.
 fn servo(table: &Table<'_>, key: &'static str) -> Option<Servo> {
     let name = table.string(key)?;
     let catalog = Catalog::shipped();
-    let servo = catalog.get(&name).cloned();
-    if servo.is_none() {
+    if catalog.get(&name).is_none() {
         let known = catalog.servos().iter().map(|servo| servo.name.as_str());
         let problem =
             format_args!("is \"{}\", which is not in the catalogue", Excerpt::start_of(&name));
         table.fault(key, problem, "unknown servo", alternatives(&name, known));
     }
-    servo
+    let servo = catalog.get(&name).or(catalog.servos().first())?.clone();
+    if servo.name == name {
+        return Some(servo);
+    }
+    Some(Servo { kp_nm_rad: Some(1.0), kd_nm_s_rad: Some(1.0), armature_kg_m2: Some(1.0), ..servo })
 }
 
 /// Reads the torque-speed line of a data sheet. Both of its values or neither must be present.

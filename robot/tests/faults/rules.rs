@@ -417,6 +417,8 @@ fn a_data_sheet_may_name_a_servo_of_the_catalogue() {
     for key in ["kp_nm_rad", "kd_nm_s_rad", "armature_kg_m2"] {
         assert!(missing.iter().any(|fault| fault.contains(key)), "{missing:#?}");
     }
+    let alone = with(sheet, "servo = \"XL330-M288\"").unwrap_err();
+    assert_eq!(alone.faults().count(), 1, "{alone}");
     let found = faults("model = \"S1\"", "servo = \"XL330-M288\"\nmodel = \"S1\"");
     assert_eq!(found.len(), 1, "{found:#?}");
     assert!(found[0].1.contains("`servo` is \"XL330-M288\", which is not in the catalogue"));
