@@ -64,6 +64,7 @@ fn robot(legs: usize) -> Robot {
                 nominal_rad: 0.2,
                 actuator: actuator(leg, number),
                 motor_per_joint: Vec::new(),
+                linkage: None,
             });
         }
         robot.end_effectors.push(EndEffector {
