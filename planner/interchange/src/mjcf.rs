@@ -210,8 +210,8 @@ impl Bodies<'_> {
                 // MuJoCo requires a mass of what moves.
                 let inertial = [
                     ("pos", "0 0 0".into()),
-                    ("mass", "1e-9".into()),
-                    ("diaginertia", "1e-12 1e-12 1e-12".into()),
+                    ("mass", "1e-12".into()),
+                    ("diaginertia", "1e-14 1e-14 1e-14".into()),
                 ];
                 xml.empty("inertial", &inertial)?;
                 let pin = vector(&(linkage.pin_in_link_m - linkage.pivot_in_link_m));

@@ -118,7 +118,8 @@ fn poses(robot: &Robot) -> Value {
             "position_rad": [joint.position_min_rad, joint.position_max_rad],
             "speed_rad_s": joint.actuator.speed_max_rad_s,
             "torque_nm": joint.actuator.torque_max_nm,
-            "armature_kg_m2": joint.actuator.armature_kg_m2,
+            // The rotor of a coupled motor is at its tendon or crank.
+            "armature_kg_m2": if joint.is_coupled() { 0.0 } else { joint.actuator.armature_kg_m2 },
         })).collect::<Vec<_>>(),
         "end_effectors": feet,
         "poses": poses,
