@@ -339,6 +339,19 @@ fn sessions_end_by_silence_or_by_others_with_the_key() {
     assert_eq!(ask(&mut rig, &mut others[0]), CommandResult::Ok);
 }
 
+/// Authenticators name a session by its short number, of which there are sixteen.
+#[test]
+fn no_new_session_has_the_short_number_of_a_live_one() {
+    let mut rig = requiring_key();
+    let live = session(&mut rig, NONCE).unwrap();
+    rig.prover = Some(Prover::new(key(), live));
+    assert_eq!(rig.command(Action::Disarm).result, CommandResult::Ok);
+    for nonce in 0..40 {
+        let offered = session(&mut rig, 1000 + nonce).unwrap();
+        assert_ne!(offered.short(), live.short(), "session {}", offered.number);
+    }
+}
+
 #[test]
 fn the_same_request_gets_the_same_session_until_it_is_used() {
     let mut rig = requiring_key();
