@@ -51,7 +51,7 @@ impl Problem {
     fn middle_of_stance(&self, nominal: &Vector2<f64>, from: usize, until: usize) -> Vector2<f64> {
         let first_and_last = [1, self.samples];
         let middle = match (self.at_rest, from <= first_and_last[0], until >= first_and_last[1]) {
-            (true, true, false) => first_and_last[0] as f64,
+            (true, true, _) => first_and_last[0] as f64,
             (true, false, true) => first_and_last[1] as f64,
             _ => 0.5 * (from + until) as f64,
         };
