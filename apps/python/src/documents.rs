@@ -13,7 +13,6 @@ use rollwalk_robot::document::DocumentError;
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Maximum size of a file, bytes; the largest possible plan has a third of it.
 const BYTES_MAX: u64 = 32 << 20;
