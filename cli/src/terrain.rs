@@ -8,6 +8,7 @@ use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::World;
 use rollwalk_physics::push::Shove;
 use rollwalk_physics::world::Parameters;
+use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
 use rollwalk_terminal::inputs::Source;
 use std::path::PathBuf;
@@ -61,13 +62,14 @@ impl GroundArgs {
         }
     }
 
-    /// Returns the ground for a robot; `None` if no option selects one.
+    /// Returns the ground of a run of a plan; `None` for the plan's own terrain, if no option replaces it.
     ///
     /// # Errors
     /// Returns the errors of [`ground_for`](Self::ground_for).
-    pub fn given_for(&self, robot: &Robot) -> miette::Result<Option<Arc<dyn Ground>>> {
+    pub fn for_plan(&self, plan: &Plan) -> miette::Result<Option<Arc<dyn Ground>>> {
         let given = self.slope.is_some() || self.terrain.is_some();
-        given.then(|| self.ground_for(robot)).transpose()
+        let own = plan.motion.terrain.is_some() && !given;
+        (!own).then(|| self.ground_for(&plan.robot)).transpose()
     }
 
     /// Returns the ground, after checking that the robot does not start inside it.

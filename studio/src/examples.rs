@@ -51,8 +51,7 @@ mod tests {
             );
         }
         let walk = listed.iter().find(|example| example.path == "motions/walk.toml").unwrap();
-        let title =
-            "AgileBot walks: one foot after the other, never less than three on the ground.";
+        let title = "AgileBot walks: one foot after the other, with at least three on the ground.";
         assert_eq!((&*walk.name, &*walk.title), ("walk", title));
         assert_eq!(walk.robot.as_deref(), Some("../robots/agilebot.toml"));
     }

@@ -54,7 +54,7 @@ fn a_drive_that_cannot_do_what_the_file_says_is_named_with_its_line() {
             &["joint `hip`", "is 60 rad/s, beyond the range of AK80-9", "at most 50 rad/s"][..],
         ),
         ("model = \"AK80-9\"\n#", "model = \"AK80\"\n#", &["bus 0: `model` cannot be", "`AK80-9`"]),
-        ("number = 1", "number = 2", &["bus 2: `number` is a bus that no motor is on"]),
+        ("number = 1", "number = 2", &["bus 2: `number` is a bus without motors"]),
     ] {
         let desk = desk_with_shipped_files();
         desk.edit(file, from, to);

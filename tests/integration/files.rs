@@ -149,7 +149,7 @@ fn inputs_have_bounds() {
     fails_soon(
         &desk,
         &["robot", "check", "links.toml"],
-        &["links.toml", "`link` has 30000 entries", "at most 64"],
+        &["links.toml", "`link` has 30000 entries", "at most 128"],
     );
     let limbs = desk.read_text("robots/agilebot.toml") + &"[[limb]]\n".repeat(20_000);
     desk.write("limbs.toml", limbs);

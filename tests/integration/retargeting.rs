@@ -49,7 +49,7 @@ fn a_library_is_retargeted_and_built_of_its_plans() {
     let found = desk.run(&[&args[..], &quick].concat());
     found.succeeds_with(0, &["walk", "rollwalk library build soft/library.toml -o pup.rwl"]);
     let library = desk.read_text("soft/library.toml");
-    for part in ["# Every motion is joined", "plan = \"walk.json\"", "torques = false"] {
+    for part in ["# Every motion has transitions", "plan = \"walk.json\"", "torques = false"] {
         assert!(library.contains(part), "{library}");
     }
     assert_eq!(desk.read_text("soft/robot.toml"), desk.read_text("soft.toml"));

@@ -191,7 +191,7 @@ mod tests {
             ("", "the file is empty"),
             (&text(&set()).replace("\"version\": 1", "\"version\": 2"), "version"),
             (&text(&set()).replace("rollwalk-gains", "rollwalk-plan"), "format"),
-            (&one_more, "channels has 25 entries"),
+            (&one_more, "channels has 65 entries"),
         ]
         .into_iter()
         .enumerate()

@@ -50,7 +50,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         control,
         cycles: args.cycles as usize,
         rate_hz,
-        ground: args.ground.given_for(&plan.robot)?,
+        ground: args.ground.for_plan(&plan)?,
         shoves: args.ground.shoves(),
         mismatch: Mismatch {
             mass: args.mass,
