@@ -156,7 +156,7 @@ fn inputs_have_bounds() {
     fails_soon(
         &desk,
         &["robot", "check", "limbs.toml"],
-        &["`limb` has 20004 entries", "at most 64"],
+        &["`limb` has 20004 entries", "at most 128"],
     );
     desk.write("wrong.toml", "x = 1\n".replace('x', "xx") + &wrong_keys(60_000));
     fails_soon(&desk, &["robot", "check", "wrong.toml"], &["unknown key"]);

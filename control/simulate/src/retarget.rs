@@ -188,7 +188,8 @@ fn rollout(
 ) -> Option<Evaluation> {
     let robot = script.robot();
     let joints = robot.joints.len();
-    let ground: Arc<dyn Ground> = Arc::new(Plane::level());
+    let planned = script.plan().motion.ground.solid();
+    let ground: Arc<dyn Ground> = planned.unwrap_or_else(|| Arc::new(Plane::level()));
     let (mut world, _) = begin(script, robot, &ground, &Parameters::new(robot));
     let fall_watch = FallWatch::new(&world, &ground);
     let curves: Vec<_> = (0..joints).map(|joint| of_joint(knots, joints, joint)).collect();
