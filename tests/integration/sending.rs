@@ -183,7 +183,7 @@ fn a_controller_that_does_not_answer_is_5_and_ctrl_c_is_130() {
 }
 
 #[test]
-fn what_another_program_paused_does_not_move_because_time_ran_out() {
+fn in_real_time_what_another_program_paused_does_not_move_because_time_ran_out() {
     let desk = desk_with_library_file();
     let (_robot, bus) = robot(&desk);
     let mut link = listener(&desk);
