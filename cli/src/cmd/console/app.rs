@@ -55,7 +55,7 @@ pub fn terminal_gone(why: &str) -> Exit {
     Exit::NotDone
 }
 
-/// Ends the process if the loop blocks for `STUCK`.
+/// Ends the process if the loop blocks for `STUCK`. The watch ends with the last other owner of `rounds`.
 ///
 /// Reading keys of a closed terminal never returns, and neither does drawing on a terminal that is suspended. The keyboard mode
 /// of a suspended terminal is restored; its screen cannot be.
@@ -64,6 +64,10 @@ pub fn watch(rounds: Arc<AtomicU64>) {
         let mut last = None;
         loop {
             thread::sleep(STUCK);
+            // The loop has ended.
+            if Arc::strong_count(&rounds) == 1 {
+                return;
+            }
             let now = Some(rounds.load(Ordering::Relaxed));
             if now == last {
                 let _ = ratatui::crossterm::terminal::disable_raw_mode();

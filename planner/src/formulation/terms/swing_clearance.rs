@@ -1,6 +1,6 @@
 //! Height of swings half-way between two samples, on terrain with edges: s(p) + 0.4 (w + w₊) − p_z ≤ 0, where s is the envelope
 //! of the terrain, w the profile of [`crate::motion::swing`], and p = −⅛ e₋ + ¾ e + ⅜ e₊ the parabola through three samples.
-//! One inequality row per end effector and interval, m.
+//! Each end effector has one inequality row per interval, m.
 //!
 //! Splines through samples that are above an edge can cut it between them. Without these rows, plans of stairs fell when they
 //! were played.
