@@ -1,7 +1,8 @@
 //! Two libraries in NOR flash: one in use, the other being received or on trial.
 //!
-//! `docs/formats/library-store.md` describes layout, states and recovery. Every change of state is one record of the
-//! [log](super::log), written after the bytes that it refers to. The slot of the confirmed library is never written.
+//! `docs/formats/library-store.md` describes states and recovery, [`record`](super::record) the layout. Every change of state is
+//! one record of the [log](super::log), written after the bytes that it refers to. The slot of the confirmed library is never
+//! written.
 //!
 //! Every call takes a short time: a transfer erases each unit when it reaches it, not all of them at the beginning.
 

@@ -1,7 +1,31 @@
 //! Persistent state of the store in 32 bytes: the record of the [log](super::log), and the slot's footer.
 //!
 //! A record contains the whole state, so the newest record alone is decisive, and writing one is the commit. 32 bytes are the
-//! largest write unit in use (the flash word of an STM32H7).
+//! largest write unit in use (the flash word of an STM32H7). Integers are little-endian.
+//!
+//! | offset | field of a record | content |
+//! |---|---|---|
+//! | 0 | generation `u32` | the highest valid generation in the log counts |
+//! | 4 | magic `u8` | `A7` |
+//! | 5 | slots `u8` | low half: confirmed library, 0 none, 1 A, 2 B; high half: candidate, 0 none, 1 receiving, 2 trial |
+//! | 6 | boots left `u8` | boots left of a trial |
+//! | 7 | reserved `u8` | 0 |
+//! | 8 | length, digest: two `u32` | confirmed library |
+//! | 16 | length, digest: two `u32` | candidate |
+//! | 24 | have `u32` | number of the candidate's bytes in flash |
+//! | 28 | CRC-32C `u32` | of bytes 0 to 27 |
+//!
+//! The candidate is in the slot without the confirmed library; without a confirmed library, in slot A. The footer is at the end
+//! of a slot, behind the place of a spare footer. The store writes it when it confirms the library of the slot, and erases it
+//! before any other write to the slot.
+//!
+//! | offset | field of a footer | content |
+//! |---|---|---|
+//! | 0 | magic, 8 bytes | `RW-SLOT1` |
+//! | 8 | generation `u32` | that of the record that confirmed the library |
+//! | 12 | length, digest: two `u32` | library |
+//! | 20 | reserved, 8 bytes | 0 |
+//! | 28 | CRC-32C `u32` | of bytes 0 to 27 |
 
 use rollwalk_protocol::crc::crc32c;
 

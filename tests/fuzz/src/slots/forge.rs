@@ -1,5 +1,5 @@
 //! Forged flash contents: noise, or records and footers with valid checksums, including the checksums of the libraries that
-//! they refer to. This is a second implementation of `docs/formats/library-store.md`.
+//! they refer to. This is a second implementation of the tables in `firmware/src/store/record.rs`.
 
 use arbitrary::{Result, Unstructured};
 use rollwalk_protocol::crc::{crc32c, file_digest};
