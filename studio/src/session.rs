@@ -272,8 +272,8 @@ impl Session {
 
     /// Solves a motion. A drag step starts from the previous step and is not refined.
     ///
-    /// Everything else is planned from scratch, so that documents have one plan, the same as in a library, whatever was edited
-    /// before. If that fails, the current plan is tried as a start.
+    /// Any other request is planned from scratch, so that equal documents have equal plans, independent of earlier edits. If
+    /// that fails, the current plan is tried as a start.
     fn solve(
         &mut self,
         robot: &Robot,

@@ -127,7 +127,7 @@ impl RelativeFiles<'_> {
     }
 }
 
-/// Context of an error in a file that another file names.
+/// Prefix of an error message about a file that another file names.
 fn names(path: &Path, named: &str) -> String {
     format!("{} names `{named}`", path.display())
 }

@@ -19,7 +19,7 @@ const SETTLED: f64 = 0.02;
 /// Number of further periods whose changes may add up without a change of the verdict.
 const AHEAD: f64 = 5.0;
 
-/// Number of periods from which on a run is checked for changes between periods. If periods still differ, their mean does not
+/// Smallest number of periods in which changes between periods are checked. If periods still differ, their mean does not
 /// predict the displacement.
 const SHOWS_CHANGE: usize = 7;
 /// Largest ratio of the change between periods to the allowed deviation: 2 % of a goal.

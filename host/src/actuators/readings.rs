@@ -3,9 +3,9 @@
 use super::ServoLimits;
 use rollwalk_protocol::wire::ActuatorReadings;
 
-/// Distance below its highest temperature from which a servo is described as hot, °C.
+/// Margin to the highest temperature below which a servo counts as hot, °C.
 const HOT_C: f32 = 10.0;
-/// Fraction of the lowest supply voltage by which a supply has to be above it.
+/// Margin to the lowest supply voltage below which a supply counts as low, as a fraction of that voltage.
 const LOW_SHARE: f32 = 0.05;
 
 /// Temperature and supply voltage, as in `41 °C, 11.9 V`; empty without either.

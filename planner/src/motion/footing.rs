@@ -22,26 +22,26 @@ use std::sync::Arc;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ContactMargins {
-    /// Distance of footholds from edges above which there is no ground, m.
+    /// Distance of footholds from edges that drop, m.
     pub margin_m: f64,
-    /// Distance from a wall at which a swing is above it, m. Must be at least the way of a foot in one sample.
+    /// Distance from a wall at which a swing is above it, m. Must be at least the distance that a foot covers in one sample.
     pub swing_reach_m: f64,
 }
 
-/// Default margin over the standing height.
+/// Ratio of the default margin to the standing height.
 const MARGIN: f64 = 0.13;
-/// Default reach of a swing over the standing height.
+/// Ratio of the default reach of a swing to the standing height.
 const SWING_REACH: f64 = 0.17;
-/// Standard deviation of the smoothing of a swing's envelope over its reach.
+/// Ratio of the standard deviation that smooths a swing's envelope to the reach of the swing.
 const SWING_DEVIATION: f64 = 0.25;
-/// Radius of the disc that wheels roll over the terrain, over the wheel's. With the wheel's own radius, its centre would not
-/// move where it touches two places, and the contact point would be undetermined there.
+/// Ratio of the radius of the rolling disc to that of the wheel. A disc of the wheel's own radius would stop where it touches
+/// floor and wall, and the contact point would be undetermined there.
 const DISC: f64 = 1.2;
-/// Standard deviation of the smoothing under wheels, over their radius.
+/// Ratio of the standard deviation that smooths the ground under wheels to their radius.
 const WHEEL_DEVIATION: f64 = 0.15;
-/// Standard deviation of the mean ground below the body, over the distance between its end effectors.
+/// Ratio of the standard deviation of the mean ground below the body to the distance between end effectors.
 const BODY_DEVIATION: f64 = 2.0 / 3.0;
-/// Distance of footholds from a kink without a wall, over the margin.
+/// Ratio of the distance of footholds from a kink without a wall to the margin.
 const KINK: f64 = 1.0 / 3.0;
 /// Height difference above which a border between two treads is a wall, m.
 const WALL_M: f64 = 0.002;

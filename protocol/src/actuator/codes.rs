@@ -20,14 +20,14 @@ pub fn i16_steps(value: f32, per_unit: f32) -> Option<i16> {
     steps(value, per_unit, i32::from(i16::MAX)).map(|s| s as i16)
 }
 
-/// Nearest number of steps; the largest one for up to a step more, where the wide codes begin.
+/// Nearest number of steps. Values up to one step above the scale saturate; the wide codes begin above.
 pub fn u16_steps(value: f32, per_unit: f32) -> Option<u16> {
     const BEYOND: i32 = 1 << 16;
     let nearest = steps(value, per_unit, BEYOND).filter(|_| value * per_unit < BEYOND as f32)?;
     u16::try_from(nearest.min(BEYOND - 1)).ok()
 }
 
-/// Nearest number of steps within ±`most`, which is also what larger values become. NaN becomes 0.
+/// Nearest number of steps. Values beyond ±`most` saturate; NaN becomes 0.
 // One copy in the image instead of one at each call; likewise below.
 #[inline(never)]
 pub fn saturated(value: f32, per_unit: f32, most: i32) -> i32 {

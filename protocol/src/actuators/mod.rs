@@ -182,7 +182,7 @@ pub enum Watchdog {
     GoesHome,
     /// Undocumented.
     Unknown,
-    /// Absent: the actuator keeps following the last command.
+    /// Missing watchdog: the actuator keeps following the last command.
     Missing,
 }
 

@@ -35,7 +35,7 @@ pub enum QuantityVerdict {
 const VAGUE: f64 = 0.25;
 /// Standard deviation above which a delay is too uncertain, s.
 const VAGUE_DELAY_S: f64 = 5e-3;
-/// Number of standard deviations from which on a value differs from the value of the file.
+/// Number of standard deviations above which a fitted value counts as different from the file's.
 const DIFFERENT: f64 = 2.0;
 /// Largest sensible change, as logarithm of the ratio to the value of the file.
 const ABSURD: f64 = 3.0;

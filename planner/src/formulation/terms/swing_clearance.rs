@@ -2,8 +2,7 @@
 //! of the terrain, w the profile of [`crate::motion::swing`], and p = −⅛ e₋ + ¾ e + ⅜ e₊ the parabola through three samples.
 //! Each end effector has one inequality row per interval, m.
 //!
-//! Splines through samples that are above an edge can cut it between them. Without these rows, plans of stairs fell when they
-//! were played.
+//! A spline through samples above an edge can cut the edge between the samples.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};

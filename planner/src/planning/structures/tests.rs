@@ -1,4 +1,4 @@
-//! Solves with kept structures are those without, to the last digit.
+//! Tests that solves with kept structures equal solves without, to the last digit.
 
 use crate::motion::Motion;
 use crate::{Options, Solution, optimise_solution};

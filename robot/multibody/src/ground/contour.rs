@@ -8,7 +8,7 @@ use super::spline::Lattice;
 use super::{Elevation, Profile};
 use nalgebra::{Matrix2, Vector2};
 
-/// Samples of a contour in a standard deviation of its last filter.
+/// Number of samples per standard deviation of the final smoothing.
 const SAMPLES_PER_DEVIATION: f64 = 5.0;
 
 /// Heights along x, the same for all y; level beyond both ends.
