@@ -96,12 +96,12 @@ impl Check<'_> {
             Refusal::OutOfRange("torque") => ("torque_max_nm", motor.torque_max_nm, " N·m"),
             Refusal::OutOfRange(_) if matches!(channel, Channel::Joint(of) if of.is_coupled()) => {
                 let help = format!(
-                    "{drive} cannot command it: narrow the limits of the joints, or lower the ratios"
+                    "{drive} cannot command this range: narrow the limits of the joints, or lower the ratios"
                 );
                 let is_linked = matches!(channel, Channel::Joint(of) if of.linkage.is_some());
                 let field = if is_linked { "linkage" } else { "motor_per_joint" };
                 let problem = format_args!(
-                    "gives the servo a range of {:.3} to {:.3} rad",
+                    "gives the motor a range of {:.3} to {:.3} rad",
                     config.min, config.max
                 );
                 self.violated(field, problem, help);

@@ -98,15 +98,17 @@ impl Check<'_> {
             // The comparison is false for NaN.
             if !(RATIO_MIN..=RATIO_MAX).contains(&of.ratio.abs()) {
                 let help = format!(
-                    "a ratio is from {RATIO_MIN} to {RATIO_MAX} in size, in radians of the servo per radian of the joint; leave out a joint that the servo does not turn"
+                    "give radians of the motor per radian of the joint, from {RATIO_MIN} to {RATIO_MAX} \
+                     in size; leave out a joint that the motor does not turn"
                 );
                 self.violated(field, format_args!("of `{name}` is {}", of.ratio), help);
             }
             let joints = self.robot.joints.len();
             let is_again = joint.motor_per_joint[..number].iter().any(|it| it.joint == of.joint);
             if of.joint >= joints || is_again {
-                let help = format!("each entry is one of the joints 0 to {}", joints - 1);
-                self.violated(field, format_args!("has joint {} wrongly", of.joint), help);
+                let help = format!("name each of the joints 0 to {} at most once", joints - 1);
+                let problem = format_args!("names joint {} twice, or no joint", of.joint);
+                self.violated(field, problem, help);
             }
         }
         let couples = !joint.motor_per_joint.is_empty();
@@ -125,8 +127,9 @@ impl Check<'_> {
         let mut coupled = joints.filter(|(_, joint)| joint.is_coupled());
         let Some((index, joint)) = coupled.next_back() else { return };
         self.at(Item::Joint(index), format!("joint `{}`", joint.name));
-        let help = "the rows of the servos must be independent, such as { a = 1, b = 1 } and { a = 1, b = -1 }";
-        self.violated("motor_per_joint", "lets joints move while all servos rest", help);
+        let help = "give the motors linearly independent ratios, such as { a = 1, b = 1 } and \
+            { a = 1, b = -1 }";
+        self.violated("motor_per_joint", "lets joints move while no motor turns", help);
     }
 
     fn joint_range(&mut self, joint: &Joint) {

@@ -52,7 +52,7 @@ impl Check<'_> {
         }
         self.unit_axis("axis", &linkage.axis_in_link);
         if !(-TAU..=TAU).contains(&linkage.nominal_rad) {
-            let help = "give the servo's angle in the nominal pose within ±2π";
+            let help = "give the motor's angle in the nominal pose, within ±2π rad";
             self.violated(
                 "motor_nominal_rad",
                 format_args!("is {} rad", linkage.nominal_rad),
@@ -68,19 +68,23 @@ impl Check<'_> {
             let Some(linkage) = &joint.linkage else { continue };
             self.at(Item::Joint(index), format!("joint `{}`", joint.name));
             let Some(crank) = CrankMap::new(robot, joint, linkage) else {
-                let help = "name the parent of the joint or a link before it, and a pin apart from the pivot and from the rod's end";
+                let help = "let `motor_on` name the parent of the joint or a link before it, and \
+                    place the pin away from the pivot and from the end of the rod";
                 self.violated("linkage", "cannot turn the joint", help);
                 continue;
             };
             if crank.joints().count() > PATH_MAX {
                 let help = format!(
-                    "at most {PATH_MAX} joints are between the servo and the link that it turns"
+                    "let `motor_on` name a link with at most {PATH_MAX} joints between it and the \
+                     link that the motor turns"
                 );
                 self.violated("linkage", "spans too many joints", help);
                 continue;
             }
             if crank.rod_m() > LENGTH_MAX_M {
-                self.violated("linkage", "has too long a rod", "lengths are in metres");
+                let problem = format_args!("has a rod of {:.3} m", crank.rod_m());
+                let help = format!("give a rod of at most {LENGTH_MAX_M} m; lengths are in metres");
+                self.violated("linkage", problem, help);
                 continue;
             }
             let mut singular = None;
@@ -103,7 +107,8 @@ impl Check<'_> {
                 false
             });
             if let Some(problem) = singular {
-                let help = "narrow the limits of these joints, or move pivot, pin or rod end: 10 degrees are left to every singular pose";
+                let help = "narrow the limits of these joints, or move pivot, pin or rod end: the \
+                    linkage must stay 10° away from every singular pose";
                 self.violated("linkage", problem, help);
             }
         }

@@ -171,7 +171,7 @@ fn linkages_that_cannot_be() {
     for (linkage, problem, help) in [
         (PARALLELOGRAM.replace("\"arm\"", "\"hand\""), "cannot turn the joint", "the parent"),
         (PARALLELOGRAM.replace("\"arm\"", "\"leg\""), "no link `leg`", "arm"),
-        (PARALLELOGRAM.replace("0.04, 0.0, 0.0]", "0.0, 0.0, 0.0]"), "cannot turn", "a pin apart"),
+        (PARALLELOGRAM.replace("0.04, 0.0, 0.0]", "0.0, 0.0, 0.0]"), "cannot turn", "the pin away"),
         (PARALLELOGRAM.replace("-0.04", "-15.0"), "`rod_end_m` is [0, 0, -15]", "millimetres"),
         (PARALLELOGRAM.replace("0.5", "90.0"), "`motor_nominal_rad` is 90 rad", "within ±2π"),
         (PARALLELOGRAM.replace(" }", ", axis = [0, 0, 0] }"), "`axis` is zero", "direction"),
