@@ -116,7 +116,7 @@ pub fn summary(log: &str) -> Result<Summary, Box<dyn Error>> {
     Ok(Summary { rates_hz, state, joints: names.into_iter().zip(motors).collect() })
 }
 
-/// Tracking errors of a joint, rad: root mean square, and peak. The set-point in force at a time is the next one of the trace.
+/// Tracking errors of a joint, rad: root mean square, and peak. Each measured angle is compared with the next set-point.
 pub fn errors_rad(motor: &Motor) -> [f64; 2] {
     let errors = motor.rad.iter().filter_map(|(time_s, rad)| {
         let next = motor.target_rad.partition_point(|(until_s, _)| until_s < time_s);

@@ -92,7 +92,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
                 let (robot, protocol) = (&names.robot, kind.protocol.name());
                 return Err(miette::miette!(
                     help = "use the DBC file of the manufacturer; docs/actuators.md describes the \
-                        frames",
+                        drive",
                     "bus {bus} of {robot} uses {protocol}, but DBC files are written for the \
                      Rollwalk profile only"
                 ));

@@ -13,7 +13,7 @@
 //! | [`dynamixel`], [`feetech`] | Dynamixel X; Feetech STS |
 //! | [`maestro`] | a hobby servo behind a Pololu Maestro |
 //!
-//! The drives are written from the makers' documents (`docs/actuators.md`), independently of the codecs in
+//! The drives are written from the makers' documents, independently of the codecs in
 //! `rollwalk_protocol::actuators`, so that tests reveal errors of the codecs. Drives start in the state in which the maker
 //! delivers them; for instance, a watchdog that is delivered switched off is off. Current loops, temperatures, self-detected
 //! errors and motion profiles are not simulated.

@@ -1,7 +1,7 @@
 //! Codecs for servos and wheel drives of several makers.
 //!
-//! [`Codec`] contains the common functions, [`CanCodec`] and [`SerialCodec`] those of a transport. `docs/actuators.md` lists
-//! the documents of the makers and of this project.
+//! [`Codec`] contains the common functions, [`CanCodec`] and [`SerialCodec`] those of a transport. Each module names the
+//! documents of the maker.
 //!
 //! | module | actuators | transport |
 //! |---|---|---|
@@ -17,6 +17,16 @@
 //!
 //! Two rules apply to all codecs. A command that the protocol cannot encode is refused, never dropped or clipped: gears break
 //! if a damped hold arrives as a stiff one. Enabling takes the measured pose and sends it as a set-point before torque is on.
+//!
+//! Steps to add a protocol:
+//!
+//! 1. Append a row to [`list`]: module, type, transport, name in robot files. Keep the order of the rows, because the position
+//!    of a row is part of the configuration hash.
+//! 2. Write the codec. It checks its keys of `[[bus]]` and has example settings for tests. Put golden bytes into
+//!    `protocol/tests/protocol/`.
+//! 3. Write the simulated drive in `firmware/drives/src/` from the maker's documents, not from the codec: a `Drive` that
+//!    implements `Electronics`.
+//! 4. Describe the protocol in `docs/actuators.md`, and its keys in `docs/robot-files.md`.
 
 use core::fmt::Arguments;
 
