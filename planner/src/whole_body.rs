@@ -7,7 +7,7 @@ use crate::torque::InverseDynamics;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::{State, Tree, turn_base};
 
-/// Share of a contact from which an end effector is in stance. If one foot lifts off and another lands in the same interval of
+/// Smallest share of a contact of an end effector in stance. If one foot lifts off and another lands in the same interval of
 /// the plan, one of them is in stance at any time.
 const STANDS: f64 = 0.5;
 

@@ -41,7 +41,7 @@ pub struct Weights {
     ///
     /// A wheel carries the inertia of its rotor, many times its mass, so that its speed cannot be chosen freely.
     pub roll: f64,
-    /// Weight of the same for a robot that balances on two wheels. Only the wheels can bring its centre of mass forward.
+    /// Value of [`Self::roll`] for a robot that balances on two wheels. Only the wheels can bring its centre of mass forward.
     pub roll_balancing: f64,
     /// Feedback of a wheel that stands.
     ///

@@ -11,7 +11,7 @@ use rollwalk_protocol::wire::{ActuatorReadings, JointTelemetry, State, Status};
 /// answers are still readable.
 const COLLIDES: f64 = 0.05;
 
-/// Distance outside its range from which a joint prevents arming, rad: `out_of_range_rad` of a controller's default settings.
+/// Distance outside its range above which a joint prevents arming, rad: `out_of_range_rad` of a controller's default settings.
 const OUT_OF_RANGE_RAD: f32 = 0.2;
 
 impl Observations<'_> {

@@ -36,11 +36,11 @@ const LITTLE_CHANGE: f64 = 0.5;
 const HOPELESS_CHANGE: f64 = 1.5;
 /// Rank of groups without an estimate, behind all others.
 const LAST_RANK: f64 = 1e3;
-/// Fraction of a group's strongest pull from which a row counts for the time span.
+/// Smallest fraction of a group's strongest pull with which a row counts for the time span.
 const PULLING: f64 = 0.1;
 /// Smallest divisor of a change, m or rad, so that fields with the value 0 have a relative change too.
 const COMPARED_WITH: f64 = 0.1;
-/// Relative excess from which a limit counts as a cause.
+/// Relative excess above which a limit counts as a cause.
 const LEAST_EXCESS: f64 = 1e-3;
 /// Factors on a limit of the robot file within which an estimate is accepted. Outside, the motors are not the cause.
 const STRONGER: Range<f64> = 1.0..4.0;

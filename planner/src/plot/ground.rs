@@ -5,7 +5,7 @@ use super::hull::{convex_hull, depth};
 use super::panels::{EvaluatedPlan, Panel, distinct};
 use crate::plan::{EndEffectorSample, Sample};
 
-/// Height from which an end effector counts as lifted, m.
+/// Height above which an end effector counts as lifted, m.
 const LIFTED_M: f64 = 1e-3;
 
 impl EvaluatedPlan<'_> {

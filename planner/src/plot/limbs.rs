@@ -9,7 +9,7 @@ use rollwalk_multibody::euler::JOINTS;
 
 /// Distance from the motion within which a joint limit is drawn, rad.
 const LIMIT_SHOWN_WITHIN_RAD: f64 = 0.6;
-/// Fraction of a motor's limit from which the limit is drawn.
+/// Fraction of a motor's limit above which the limit is drawn.
 const LIMIT_SHOWN_FROM_PART: f64 = 0.6;
 
 /// Joints and driven wheels that share a panel.

@@ -91,7 +91,7 @@ pub fn from_standing(problem: &Problem) -> Unknowns {
 }
 
 /// Leans the body with the mean ground below it, and moves contact points to their footholds. Swings follow their envelope on a
-/// straight way from one foothold to the next.
+/// straight line from one foothold to the next.
 fn on_terrain(problem: &Problem, unknowns: &mut Unknowns) {
     let (layout, model) = (&problem.layout, &problem.model);
     for (i, vars) in unknowns.slots.iter_mut().enumerate() {
@@ -117,7 +117,7 @@ fn on_terrain(problem: &Problem, unknowns: &mut Unknowns) {
     }
 }
 
-/// Place of a swing on the straight way between the footholds before and after it. `None` if one of them is not planned.
+/// Place of a swing on the straight line between the footholds before and after it. `None` if one of them is not planned.
 fn between_footholds(problem: &Problem, t: usize, j: usize) -> Option<Vector3<f64>> {
     let stands = |t: &usize| problem.stance[*t][j];
     let from = (1..t).rev().find(stands)?;

@@ -130,5 +130,5 @@ impl Joint {
     }
 }
 
-/// Absolute value of limits from which a joint counts as endless: two turns. Limits in degrees are rarely symmetric.
+/// Smallest absolute value of the limits of an endless joint, rad: two turns. Limits in degrees are rarely symmetric.
 const ENDLESS_RAD: f64 = 4.0 * std::f64::consts::PI;

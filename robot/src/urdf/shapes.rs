@@ -23,8 +23,8 @@ const SHAPES_MAX: usize = 16;
 const PART_OF_TIP: f64 = 0.1;
 /// Distance above the bottom of a foot or wheel within which a shape touches the ground with it, as a fraction of its radius.
 const GROUND_SHARE: f64 = 0.1;
-/// Depth of the top of a shape at the ground from which it is the sole of its foot, as a fraction of the depth of the ground
-/// below the body's joint.
+/// Depth of the top of a shape below the body's joint, as a fraction of the depth of the ground, above which the shape is the
+/// sole of its foot.
 const SOLE_SHARE: f64 = 0.5;
 /// Size of the box of an inertia above which the inertia is wrong, as a multiple of the robot's size.
 const BOX_MAX: f64 = 5.0;

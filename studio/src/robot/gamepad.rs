@@ -11,7 +11,7 @@ use rollwalk_host::operator::{Deadman, Intent, Operator, ReleaseReaction};
 
 /// Time for which the arming button must be held, µs.
 const ARM_HOLD_US: u64 = 1_000_000;
-/// Age of the page's most recent report from which the deadman switch counts as released, µs: the heartbeat timeout of a robot.
+/// Timeout of the page's reports, after which the deadman switch counts as released, µs: the heartbeat timeout of a robot.
 const UNSEEN_US: u64 = 250_000;
 
 /// Gamepad that the operator uses.

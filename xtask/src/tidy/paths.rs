@@ -38,8 +38,8 @@ fn starts_a_path(line: &str, root: &str) -> bool {
 /// Extensions of source files, which must exist in this checkout wherever they are mentioned.
 const SOURCES: [&str; 4] = [".rs", ".py", ".ts", ".mjs"];
 
-/// Code spans in Markdown files with a source, or with a file or folder below a top-level folder of this checkout, that does
-/// not exist.
+/// Code spans in Markdown files that name a missing source file, or a missing file or folder below a top-level folder of this
+/// checkout.
 pub fn dead_references(files: &[TextFile], exists: impl Fn(&str) -> bool) -> Vec<String> {
     let folders: BTreeSet<&str> =
         files.iter().filter_map(|file| Some(file.path.split_once('/')?.0)).collect();

@@ -21,7 +21,7 @@ const STANDS_S: f64 = 1.5;
 const KNOWN_S: f64 = 10.0;
 /// Maximum time until the robot is armed and stands in SAFE, µs.
 const ARMED_US: u64 = 30_000_000;
-/// Latency from which the conductor refuses to start, s. The robot would fall before the answer acts, and samples cannot
+/// Smallest latency with which the conductor refuses to start, s. The robot would fall before the answer acts, and samples cannot
 /// measure longer latencies.
 pub const LATENCY_MAX_S: f64 = 0.05;
 /// Maximum age of valid contact readings, s.

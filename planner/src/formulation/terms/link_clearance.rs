@@ -15,7 +15,7 @@ pub struct LinkClearance;
 
 /// Half-width of the smoothing of Eq. 2.16, m.
 pub(super) const BAND_M: f64 = 0.002;
-/// Distance beyond the margin from which a row is constant, m: well beyond the smoothing and the shifts of multipliers.
+/// Distance beyond the margin above which a row is constant, m: well beyond the smoothing and the shifts of multipliers.
 pub(super) const FAR_M: f64 = 0.01;
 
 impl Term for LinkClearance {

@@ -8,7 +8,7 @@ use nalgebra::{Point3, Vector3};
 
 /// Height of an end above the lowest one, as a fraction of the height of its limb's first joint, up to which both stand.
 const LEVEL: f64 = 0.25;
-/// Depth of an end below the first joint of its limb, as a fraction of the limb's length, from which the limb hangs.
+/// Depth of an end below the first joint of its limb, as a fraction of the limb's length, above which the limb hangs.
 const HANGS: f64 = 0.3;
 /// Fraction by which lengths of limbs of the same make differ at most.
 const SAME_MAKE: f64 = 0.1;

@@ -21,9 +21,9 @@ const LEG: [&str; 7] = ["leg", "foot", "ankle", "knee", "toe", "thigh", "shank"]
 const LONG: [&str; 10] =
     ["left", "right", "front", "rear", "hind", "foot", "ankle", "knee", "thigh", "shank"];
 
-/// Component along an axis of the root, as a fraction of the length, from which a direction counts as along this axis.
+/// Fraction of a direction's length above which its component along an axis of the root makes it parallel to this axis.
 const ALONG: f64 = 0.75;
-/// Length of the mean of unit vectors from which the limbs count as parallel.
+/// Length of the mean of unit vectors above which the limbs count as parallel.
 const SAME: f64 = 0.8;
 
 /// Axes of the root link, as indices into [`super::super::side::AXES`].

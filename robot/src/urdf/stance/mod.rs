@@ -22,7 +22,7 @@ const EASIER: [f64; 4] = [1.0, 1.1, 1.18, 0.8];
 /// Range of depths of a foot below its first bending joint, as fractions of the leg's length, for legs that have to stand as
 /// deep as wheels on rigid axles.
 const DEPTHS: [f64; 2] = [0.3, 0.97];
-/// Height of the first bending joint above the ground from which a leg stands at home, as a fraction of its length.
+/// Height of the first bending joint, as a fraction of the leg's length, above which the leg stands in the keyframe `home`.
 const AT_HOME: f64 = 0.3;
 /// Difference in height of feet that are level at home, as a fraction of the longest leg.
 const LEVEL: f64 = 0.1;

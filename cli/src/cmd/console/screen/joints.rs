@@ -12,9 +12,9 @@ use rollwalk_terminal::output::unsigned_zero;
 
 /// Minimum number of columns.
 pub const LEAST_WIDTH: u16 = 46;
-/// Number of columns from which the temperatures are shown.
+/// Smallest number of columns with which the temperatures are shown.
 const TEMPERATURE_WIDTH: usize = 60;
-/// Age from which values are marked as old, µs. A robot with 64 channels reports each channel four times a second.
+/// Age above which values are marked as old, µs. A robot with 64 channels reports each channel four times a second.
 const OLD_US: u64 = 500_000;
 
 pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
