@@ -52,7 +52,7 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
             "an actuator does not report its position, or its joint is outside the limits"
         }
         CommandResult::OutOfOrder => {
-            "commands of another program, which may have ended since, arrived at the same time; \
+            "another program sent a command at the same time; \
              try again"
         }
         CommandResult::UnknownKind => {
@@ -129,7 +129,7 @@ pub fn parameter_refusal(result: ParameterResult, limit: f32, state: Option<Stat
              (rollwalk-sim has one only with --library)"
         }
         ParameterResult::OutOfOrder => {
-            "requests of another program, which may have ended since, arrived at the same time; \
+            "another program sent a request at the same time; \
              try again"
         }
         ParameterResult::UnknownRequest => {

@@ -272,7 +272,7 @@ catalogue! {
     Ends: "ends", "plan format", Mixed, Residual(AGREEMENT), Check, NO_ADVICE;
     ContactFlag: "contact flag", "plan format", None, Residual(0.5), Check, NO_ADVICE;
     Foothold: "foothold", "terrain", M, Residual(0.001), Request,
-        "a goal and footfalls with which strides end on the treads, or a smaller margin_m";
+        "strides that end on the treads (goal, cycles), or a smaller margin_m";
     SwingClearance: "swing clearance", "terrain, half-way", M, Residual(0.001), Request,
         "a higher swing_height_m, or swings of more samples";
 }

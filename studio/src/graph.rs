@@ -167,7 +167,7 @@ fn stands(motion: &Motion, robot: &Robot) -> bool {
 /// Creates a motion file in which the robot stands.
 fn standing(name: &str, folder: &str, robot: &str) -> File {
     let text = format!(
-        "# The robot stands: the pose that it returns to when in doubt.\n# Format: docs/motion-files.md.\n\n\
+        "# SAFE: the robot stands. It returns to this pose after a motion or a fault.\n# Format: docs/motion-files.md.\n\n\
          name = \"{name}\"\nrobot = \"{robot}\"\nends = \"at_rest\"\nduration_s = 0.5\nsamples = 10\n\n\
          [goal]\nforward_m = 0.0\nleft_m = 0.0\nturn_rad = 0.0\n\n[footfalls]\nall = \"stance\"\n"
     );

@@ -147,7 +147,7 @@ impl fmt::Display for MotionFailure {
             }
             Self::Unfinished => f.write_str("the run was stopped before its end"),
             Self::Astray { astray, from_period } if *from_period > 2 => {
-                write!(f, "{astray} from period {from_period} on")
+                write!(f, "{astray}, in the mean from period {from_period}")
             }
             Self::Astray { astray, .. } => write!(f, "{astray}"),
         }
