@@ -275,6 +275,8 @@ catalogue! {
         "strides that end on the treads (goal, cycles), or a smaller margin_m";
     SwingClearance: "swing clearance", "terrain, half-way", M, Residual(0.001), Request,
         "a higher swing_height_m, or swings of more samples";
+    ObstacleClearance: "obstacle clearance", "shapes", M, Residual(0.001), Limit,
+        "a wider gap, a longer way, a posture that fits below, or a smaller margin_m of the obstacle";
 }
 
 impl Family {
@@ -326,7 +328,9 @@ impl Family {
             Self::LinearDynamics => OfWeight(0.07),
             Self::AngularDynamics => OfMoment(0.05),
             Self::JointLimit | Self::JointSpeed | Self::WheelMotorSpeed => TimesLevel(1.0),
-            Self::LinkClearance | Self::GroundClearance => TimesLevel(1.0),
+            Self::LinkClearance | Self::GroundClearance | Self::ObstacleClearance => {
+                TimesLevel(1.0)
+            }
             Self::JointTorqueAsPlayed | Self::WheelTorqueAsPlayed => TimesLevel(1.0),
             _ => PlayedTolerance::None,
         }
@@ -380,10 +384,12 @@ impl FamilySet {
     /// Set of all families.
     pub const ALL: Self = Self(u64::MAX);
     /// Limits due to shapes that obstruct a motion. A stronger motor does not remove them.
-    pub const OBSTACLES: Self = Self::of(&[Family::LinkClearance, Family::GroundClearance]);
+    pub const OBSTACLES: Self =
+        Self::of(&[Family::LinkClearance, Family::GroundClearance, Family::ObstacleClearance]);
 
-    /// Families of terrain with edges. Plans on other ground do not list them.
-    pub const TERRAIN: Self = Self::of(&[Family::Foothold, Family::SwingClearance]);
+    /// Families of terrain with edges or obstacles. Plans on other ground do not list them.
+    pub const TERRAIN: Self =
+        Self::of(&[Family::Foothold, Family::SwingClearance, Family::ObstacleClearance]);
 
     /// Returns the set of the given families.
     pub const fn of(families: &[Family]) -> Self {

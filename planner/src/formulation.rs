@@ -28,9 +28,10 @@ use std::cell::{Cell, OnceCell};
 use terms::{
     Anchor, BladeContact, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular,
     DynamicsLinear, EvenForce, Foothold, Friction, GroundClearance, HeightBound, JointLimit,
-    JointSpeed, JointTorque, LiftOffSlip, LinkClearance, NoSlip, Posture, Smoothness, Steering,
-    SwingClearance, SwingForce, TargetHeading, TargetPosition, TargetVelocity, TorqueSpeed,
-    Traction, Turn, WheelAxis, WheelEffort, WheelHeld, WheelSmoothness, WheelSpeed, WheelTorque,
+    JointSpeed, JointTorque, LiftOffSlip, LinkClearance, NoSlip, ObstacleClearance, Posture,
+    Smoothness, Steering, SwingClearance, SwingForce, TargetHeading, TargetPosition,
+    TargetVelocity, TorqueSpeed, Traction, Turn, WheelAxis, WheelEffort, WheelHeld,
+    WheelSmoothness, WheelSpeed, WheelTorque,
 };
 
 /// Terms of the formulation.
@@ -71,6 +72,7 @@ pub static TERMS: &[&dyn Term] = &[
     &LiftOffSlip,
     &Foothold,
     &SwingClearance,
+    &ObstacleClearance,
 ];
 
 /// Returns true if a term with this span has rows for the window around timeline sample `t`.

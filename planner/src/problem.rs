@@ -21,6 +21,7 @@ use crate::plan::Placement;
 use nalgebra::DVector;
 use rollwalk_multibody::clearance::GroundPoint;
 use rollwalk_multibody::euler::Model;
+use rollwalk_multibody::ground::obstacle::Part;
 use state::State;
 use variables::{Layout, Lift, TimelineSample, force_scale_n};
 use weights::WEIGHT_INTERVAL_S;
@@ -46,6 +47,8 @@ pub struct Problem {
     pub contacts: Vec<Vec<ContactGround>>,
     /// Points of links that must keep clear of the ground.
     pub clearance_points: Vec<GroundPoint>,
+    /// Parts of the robot that must keep clear of obstacles. Empty without obstacles.
+    pub obstacle_parts: Vec<Part>,
     /// Heights of contact points above the ground along the timeline, m (Eq. 2.9).
     pub height_m: Vec<Vec<f64>>,
     /// Height w_h of a swing, m (Eq. 2.9).
@@ -184,6 +187,7 @@ impl Problem {
             steering: Vec::new(),
             contacts: Vec::new(),
             clearance_points: Vec::new(),
+            obstacle_parts: Vec::new(),
             weights,
             model,
             layout,
@@ -246,6 +250,7 @@ impl Problem {
             posture_q: blend(&model, &start.posture_rad, &end.posture_rad, samples),
             contacts: Vec::new(),
             clearance_points: Vec::new(),
+            obstacle_parts: Vec::new(),
             steering: Vec::new(),
             weights,
             model,

@@ -7,6 +7,7 @@
 //!
 //! Random numbers depend only on a seed: the same seed gives the same plan.
 
+mod detour;
 pub(crate) mod guess;
 mod halved;
 mod joined;
@@ -37,6 +38,8 @@ pub enum Start {
     /// Standing, moved evenly towards the goal. With a seed other than 0, the joints swing slightly, so that different seeds
     /// give different starts.
     Standing,
+    /// Standing start, moved round obstacles. The argument counts the ways round them, the shortest first.
+    Detour(usize),
     /// Standing start with a smooth random swing of every joint.
     Sinusoid,
     /// Plan of the same motion with half the samples, recursively until samples are few. The coarsest motion starts from a
@@ -66,6 +69,7 @@ const SEED_STRIDE: u64 = 1000;
 ///   because it takes longest.
 /// - On free wheels and skates, whose strokes are hardly found otherwise, [`Start::Coarse`] precedes the first of these starts.
 ///   With many samples it is also the second candidate of other motions.
+/// - If obstacles are in the way, the ways round them precede all of these.
 pub(crate) fn in_order(
     robot: &Robot,
     motion: &Motion,
@@ -92,6 +96,10 @@ pub(crate) fn in_order(
             true => starts[0].0 = Start::Coarse,
             false => starts.insert(1, (Start::Coarse, seed)),
         }
+    }
+    if start == Start::Auto {
+        let ways = detour::detours(robot, motion).len();
+        starts.splice(0..0, (0..ways).map(|k| (Start::Detour(k), 0)));
     }
     starts
 }
@@ -131,7 +139,20 @@ fn rolls_freely(robot: &Robot, motion: &Motion, j: usize) -> bool {
 }
 
 /// Returns a start that needs no solve: any except [`Start::Warm`] and [`Start::Coarse`].
-pub(crate) fn initial(problem: &Problem, start: Start, seed: u64) -> (Unknowns, SolveStart) {
+pub(crate) fn initial(
+    problem: &Problem,
+    motion: &Motion,
+    start: Start,
+    seed: u64,
+) -> (Unknowns, SolveStart) {
+    if let Start::Detour(k) = start {
+        let ways = detour::detours(problem.model.robot(), motion);
+        if let Some(way) = ways.get(k) {
+            let mut unknowns = guess::along(problem, way);
+            roll_along(problem, &mut unknowns);
+            return (unknowns, SolveStart { kind: StartKind::Detour, seed: 0 });
+        }
+    }
     let (kind, amplitude_rad) = match start {
         Start::Sinusoid => (StartKind::Sinusoid, SWING_RAD),
         _ if seed == 0 => (StartKind::Standing, 0.0),

@@ -24,6 +24,10 @@ class Motion:
         """Controls: linear between keyframes, constant before and after."""
         return [np.interp(time_s, self.times_s, of) for of in self.controls.T]
 
+    def touched(self, name):
+        """1 if something touched a geom when the motion was played, otherwise 0."""
+        return int(self.model.geom(name).id in self.contacts)
+
     def play(self, settle_s=1.0):
         """Planned and played displacement of the body, (forward m, left m, turn rad), and its lowest height as a fraction of the plan's."""
         model, data = self.model, mujoco.MjData(self.model)
@@ -34,12 +38,14 @@ class Motion:
         end_s = start_s + self.duration_s + (0.0 if moves else settle_s)
         data.time = 0.0
         began, lowest = None, np.inf
+        self.contacts = set()
         while data.time < end_s:
             if began is None and data.time >= start_s:
                 began = data.qpos[:7].copy()
             data.ctrl[:] = self.controls_at(data.time - start_s)
             mujoco.mj_step(model, data)
             lowest = min(lowest, data.qpos[2])
+            self.contacts.update(data.contact.geom.flatten().tolist())
         planned = way(self.states[0], self.states[-1])
         return planned, way(began, data.qpos), lowest / self.states[:, 2].min()
 

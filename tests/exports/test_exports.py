@@ -84,6 +84,30 @@ class Exports(unittest.TestCase):
             self.assertTrue(0.95 <= played[0] / planned[0] <= 1.05, f"{name}: {played} of {planned}")
             self.assertGreater(height, 0.9, name)
 
+    def test_obstacles_are_passed_in_mujoco(self):
+        box = '[[obstacle]]\nname = "crate"\nbox_m = [0.1, 0.1, 0.4]\nat_m = [0.5, 0.05, 0.2]\n'
+        bar = '[[obstacle]]\nname = "bar"\nfrom_m = [0.5, -0.5, 0.28]\nto_m = [0.5, 0.5, 0.28]\nradius_m = 0.02\n'
+        for name, terrain in {"box": box, "bar": bar}.items():
+            self.path(f"{name}.toml").write_text(terrain)
+            self.path("past.toml").write_text(
+                f"""name = "past"
+                robot = "{ROOT}/shipped/robots/agilebot.toml"
+                terrain = "{name}.toml"
+                ends = "at_rest"
+                duration_s = 4.0
+                samples = 45
+                footfalls = {{ all = "stance" }}
+                goal = {{ forward_m = 1.0, left_m = 0.0, turn_rad = 0.0 }}
+                """
+            )
+            run("plan", self.path("past.toml"), "-o", self.path("past.json"))
+            run("export", self.path("past.json"), "-o", self.path("past.xml"))
+            motion = replay.Motion(self.path("past.xml"))
+            planned, played, height = motion.play()
+            print(f"{name}: {played[0] / planned[0]:.4f} of the planned way")
+            self.assertTrue(0.95 <= played[0] / planned[0] <= 1.05, f"{name}: {played} of {planned}")
+            self.assertEqual(motion.touched("obstacle_0"), 0, name)
+
     def test_keyframes_are_the_rows_of_the_table(self):
         for motion in MOTIONS:
             table, frames = self.table(motion), replay.Motion(self.path(f"{motion}.xml"))

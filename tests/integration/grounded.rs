@@ -43,6 +43,32 @@ fn terrain_and_pushes_are_given_to_a_plan() {
     desk.run(&["plan", "kerb.toml", "-o", "x.json"]).fails(1, &["kerb.toml is a terrain file"]);
 }
 
+#[test]
+fn a_robot_goes_round_an_obstacle_that_it_would_hit() {
+    let desk = desk_with_shipped_files();
+    desk.write(
+        "crate.toml",
+        "[[obstacle]]\nname = \"crate\"\nbox_m = [0.1, 0.1, 0.4]\nat_m = [0.5, 0.05, 0.2]\n",
+    );
+    let drive = desk.read_text("motions/drive_1m.toml");
+    let drive = drive.replacen("robot = \"../", "robot = \"", 1).replacen("= 25", "= 45", 1);
+    desk.write("drive.toml", &drive);
+    desk.make(&["plan", "drive.toml", "-o", "drive.json"]);
+    desk.run(&["simulate", "drive.json", "--terrain", "crate.toml"])
+        .succeeds_with(3, &["does not hold in simulation: `", "touches obstacle `crate` after 0."]);
+    desk.write("round.toml", format!("terrain = \"crate.toml\"\n{drive}"));
+    let said = desk.run(&["plan", "round.toml", "-o", "round.json"]).succeeds();
+    assert!(
+        said.contains("from a way round obstacles") && said.contains("holds in simulation"),
+        "{said}"
+    );
+    desk.run(&["report", "round.json"]).succeeds_with(0, &["obstacle clearance"]);
+    desk.run(&["plot", "round.json", "--animate", "-o", "round.svg"]).succeeds();
+    desk.write("inside.toml", format!("{drive}\n[[obstacle]]\nbox_m = [1, 1, 1]\n"));
+    desk.run(&["plan", "inside.toml", "-o", "x.json"])
+        .fails(1, &["`obstacle` is no key of a motion file", "name it in `terrain`"]);
+}
+
 /// Presses Ctrl-C in the first of 10,000 cycles of a loop. The robot must return to SAFE and be disarmed, and the results must
 /// report the interruption.
 #[test]

@@ -94,7 +94,7 @@ struct PlanOutput<'a> {
     judgement: Judgement,
     consistent: bool,
     /// Verdict of the simulation; null if the plan is not consistent, and with `--no-simulation`.
-    simulation: Option<Verdict>,
+    simulation: Option<&'a Verdict>,
     samples: usize,
     refinements: &'a [Refinement],
     robot: &'a str,
@@ -142,13 +142,14 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         false => None,
     };
     if let Some((finer, verdict, more_s)) =
-        simulation.and_then(|verdict| refined(&plan, verdict, &options, args))
+        simulation.clone().and_then(|verdict| refined(&plan, verdict, &options, args))
     {
         place.write(finer.to_json().as_bytes())?;
         (report, simulation) = (Report::new(&finer), Some(verdict));
         (plan, time_s) = (finer, time_s + more_s);
     }
     let interrupted = interrupted || interrupt::requested();
+    let simulation = simulation.as_ref();
     let end = PlanResult { plan: &plan, report: &report, simulation, time_s, written };
     if args.json {
         output::print_json(&end.outcome())?;
@@ -272,7 +273,7 @@ fn refined(
 struct PlanResult<'a> {
     plan: &'a Plan,
     report: &'a Report,
-    simulation: Option<Verdict>,
+    simulation: Option<&'a Verdict>,
     /// Wall time of the solve, s.
     time_s: f64,
     written: Option<&'a PathBuf>,
@@ -365,6 +366,7 @@ fn beginning(solve: &SolveSummary, is_given: bool) -> String {
     let kind = match start.kind {
         StartKind::Standing => "standing",
         StartKind::Sinusoid => "a random swing",
+        StartKind::Detour => "a way round obstacles",
         StartKind::Warm => "the warm start",
         StartKind::Coarse => "the plan with fewer samples",
         StartKind::Neighbour if !solve.refinements.is_empty() => {

@@ -1,5 +1,6 @@
 //! Outcome of a simulated plan, compared with the plan.
 
+use crate::collision::{Collision, CollisionWatch};
 use crate::control::Controller;
 use crate::judgement::{BAND, ComponentDeviation, PlannedDisplacement};
 use crate::script::Script;
@@ -35,6 +36,9 @@ pub struct RunOutcome {
     pub cycles: Vec<NetDisplacement>,
     /// Time at which the robot fell, s; `None` if it did not fall.
     pub fell_at_s: Option<f64>,
+    /// First collision with an obstacle; `None` if there was none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub collision: Option<Collision>,
     /// Simulated time, s.
     pub time_s: f64,
     /// Tilt, slip, forces and work.
@@ -67,12 +71,15 @@ impl RunOutcome {
 
     /// Reason why the motion does not pass; `None` if it passes.
     ///
-    /// A motion passes if the robot does not fall, covers the planned displacement, and does not change too much between
+    /// A motion passes if the robot does not fall, touches no obstacle, covers the planned displacement, and does not change too much between
     /// periods. The displacement is checked for the mean of all periods after the first one, and for the mean of the final
     /// periods.
     pub fn miss(&self) -> Option<MotionFailure> {
         if let Some(at_s) = self.fell_at_s {
             return Some(MotionFailure::Falls { at_s });
+        }
+        if let Some(collision) = &self.collision {
+            return Some(MotionFailure::Collides(collision.clone()));
         }
         let settled = self.settled();
         let last = settled.len().saturating_sub(LAST);
@@ -108,7 +115,7 @@ fn mean(periods: &[NetDisplacement]) -> Option<NetDisplacement> {
 }
 
 /// Reason why a motion does not pass.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "miss")]
 pub enum MotionFailure {
     /// Fall of the robot.
@@ -116,6 +123,8 @@ pub enum MotionFailure {
         /// Simulated time, s.
         at_s: f64,
     },
+    /// Collision with an obstacle, without a fall.
+    Collides(Collision),
     /// Run without a complete period.
     Unfinished,
     /// Displacement that changes between periods, without a fall.
@@ -137,6 +146,9 @@ impl fmt::Display for MotionFailure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Falls { at_s } => write!(f, "the robot falls after {at_s:.2} s"),
+            Self::Collides(Collision { at_s, link, obstacle }) => {
+                write!(f, "`{link}` touches obstacle `{obstacle}` after {at_s:.2} s")
+            }
             Self::Changes { part } => {
                 write!(
                     f,
@@ -160,6 +172,8 @@ pub(crate) struct Tracker {
     fall_watch: FallWatch,
     cycles: Vec<NetDisplacement>,
     fell_at_s: Option<f64>,
+    collision_watch: Option<CollisionWatch>,
+    collision: Option<Collision>,
     steps: u64,
     iterations: u64,
     iterations_max: u32,
@@ -181,6 +195,8 @@ impl Tracker {
             fall_watch: FallWatch::new(world, ground),
             cycles: Vec::new(),
             fell_at_s: None,
+            collision_watch: CollisionWatch::new(&script.plan().robot, ground.as_ref()),
+            collision: None,
             steps: 0,
             iterations: 0,
             iterations_max: 0,
@@ -202,6 +218,11 @@ impl Tracker {
         self.subdivided += u32::from(report.subdivisions > 0);
         if self.fall_watch.check(world).is_some() {
             self.fell_at_s = Some(world.system().time_s());
+        }
+        if self.collision.is_none()
+            && let Some(watch) = &self.collision_watch
+        {
+            self.collision = watch.check(world);
         }
     }
 
@@ -234,6 +255,7 @@ impl Tracker {
             planned: self.planned,
             cycles: self.cycles,
             fell_at_s: self.fell_at_s,
+            collision: self.collision,
             time_s: world.system().time_s(),
             totals: self.odometer.totals(),
             iterations: self.iterations as f64 / self.steps.max(1) as f64,

@@ -19,7 +19,7 @@ const STIFFNESSES: [f64; 3] = [1.0, 0.5, 2.0];
 const CYCLES: usize = 8;
 
 /// Verdict on a motion in simulation.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "verdict")]
 pub enum Verdict {
     /// Motion that covers its planned displacement without a fall, on all contacts.

@@ -5,7 +5,7 @@
 
 use crate::World;
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use rollwalk_multibody::ground::Ground;
+use rollwalk_multibody::ground::{Ground, floor_of};
 use serde::Serialize;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -170,12 +170,14 @@ pub struct FallWatch {
 impl FallWatch {
     /// Creates the detector for a robot that stands at present.
     pub fn new(world: &World, ground: &Arc<dyn Ground>) -> Self {
+        // A bar above the robot is not the ground below it.
+        let ground = floor_of(ground);
         let up = normal_at_start(ground.as_ref());
         Self {
-            ground: Arc::clone(ground),
             up,
             start_up_in_body: world.base().1.transpose() * up,
             standing_m: ground.at(&world.com().0).gap_m,
+            ground,
         }
     }
 

@@ -82,6 +82,8 @@ impl Motion {
 
 /// Key of the terrain file.
 const TERRAIN: &str = "terrain";
+/// Key of terrain files.
+const OBSTACLE: &str = "obstacle";
 /// Table of the distances of contacts from the edges of a terrain.
 const CONTACT: &str = "contact";
 
@@ -153,6 +155,10 @@ fn motion(document: &Document<'_>, robot: &Robot, terrain: Option<&Terrain>) -> 
     let reserve = reserve(&root);
     let needs_feedback = needs_feedback(&root);
     let terrain = on_terrain(&root, robot, terrain);
+    if root.has(OBSTACLE) {
+        let help = "write the tables [[obstacle]] into a terrain file, and name it in `terrain`";
+        root.fault(OBSTACLE, "is no key of a motion file", "belongs in a terrain file", help);
+    }
     let footfalls = root.table("footfalls");
     if let (Some(Ends::Periodic), Some(table)) = (ends, &footfalls)
         && table.has(CYCLES)

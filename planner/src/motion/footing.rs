@@ -11,6 +11,7 @@
 use nalgebra::{Rotation2, Vector2, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, Model};
 use rollwalk_multibody::ground::file::Shape;
+use rollwalk_multibody::ground::obstacle::Obstacle;
 use rollwalk_multibody::ground::{
     Contour, ElevationMap, Filter, Ground, HeightField, Profile, Terrain, Tread,
 };
@@ -85,7 +86,10 @@ impl From<ElevationMap> for Footing {
 #[derive(Clone, Debug)]
 pub struct TerrainMaps {
     terrain: Terrain,
+    /// Solid of ground and obstacles.
     solid: Arc<dyn Ground>,
+    /// Solid of the ground without obstacles.
+    bare: Arc<dyn Ground>,
     body: ElevationMap,
     /// Ground in stance of each end effector that only rolls; `None` for one that steps.
     rolled: Vec<Option<ElevationMap>>,
@@ -144,13 +148,14 @@ impl Footing {
             envelopes.push(maps.envelope(radius_m));
             patches.push(if rolls { Vec::new() } else { maps.patches(radius_m) });
         }
-        let (body, solid) = (maps.body(), terrain.solid());
-        Self::Terrain(Arc::new(TerrainMaps { terrain, solid, body, rolled, envelopes, patches }))
+        let (body, solid, bare) = (maps.body(), terrain.solid(), terrain.ground());
+        let maps = TerrainMaps { terrain, solid, bare, body, rolled, envelopes, patches };
+        Self::Terrain(Arc::new(maps))
     }
 
     /// Returns true if the ground has constant height.
     pub fn is_level(&self) -> bool {
-        matches!(self, Self::Smooth(ElevationMap::Level(_)))
+        self.body().is_level()
     }
 
     /// Terrain of the ground, if any.
@@ -159,6 +164,11 @@ impl Footing {
             Self::Smooth(_) => None,
             Self::Terrain(maps) => Some(&maps.terrain),
         }
+    }
+
+    /// Obstacles on the ground.
+    pub fn obstacles(&self) -> &[Obstacle] {
+        self.terrain().map_or(&[], |terrain| &terrain.obstacles)
     }
 
     /// Returns true if the ground has edges, so that footholds and swings need rows of their own.
@@ -208,7 +218,7 @@ impl Footing {
         match self {
             Self::Smooth(map) => map.distance(point),
             Self::Terrain(maps) => {
-                let surface = maps.solid.at(point);
+                let surface = maps.bare.at(point);
                 (surface.gap_m, surface.gradient)
             }
         }
@@ -231,6 +241,7 @@ impl Maps<'_> {
     /// Ground that is its own map: a slope or a field.
     fn smooth(&self) -> Option<ElevationMap> {
         let map = match &self.terrain.shape {
+            Shape::Level => ElevationMap::default(),
             Shape::Slope(angle_rad) => {
                 let slope = Vector2::new(angle_rad.tan(), 0.0);
                 ElevationMap::Plane { height_m: 0.0, slope }
@@ -284,7 +295,7 @@ impl Maps<'_> {
     fn body(&self) -> ElevationMap {
         let deviation_m = self.body_deviation_m();
         match &self.terrain.shape {
-            Shape::Slope(_) => self.smooth().expect("a plane"),
+            Shape::Level | Shape::Slope(_) => self.smooth().expect("a plane"),
             Shape::Profile(profile) => self.contour(profile, Filter::Plain, deviation_m),
             Shape::Field(field) => {
                 let blurred: HeightField = field.blurred(deviation_m);

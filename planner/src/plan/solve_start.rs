@@ -11,6 +11,8 @@ pub enum StartKind {
     Standing,
     /// Smooth random swing of every joint.
     Sinusoid,
+    /// Standing pose, moved round obstacles.
+    Detour,
     /// Plan of the same motion with half the samples.
     Coarse,
     /// Warm start of sec. 3.3.

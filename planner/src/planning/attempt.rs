@@ -35,7 +35,7 @@ fn attempt_with(
         Start::Warm(how) => {
             (warm(&problem, how, effort), SolveStart { kind: StartKind::Warm, seed: 0 })
         }
-        chosen => start::initial(&problem, chosen, options.seed),
+        chosen => start::initial(&problem, motion, chosen, options.seed),
     };
     let solved = solve(&problem, unknowns, SolveMode::Cold, &options.settings, effort);
     write(solved, &problem, motion, started)

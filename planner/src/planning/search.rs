@@ -54,7 +54,10 @@ impl<'a> Search<'a> {
     /// Creates a search. [`Search::work`] runs it.
     pub fn new(robot: &'a Robot, motion: &'a Motion, options: &Options) -> Self {
         let candidates = candidates(robot, motion, options);
-        let race = Race::new(candidates.len());
+        // On each side of an obstacle, another start may find a way.
+        let hopeless =
+            if motion.ground.obstacles().is_empty() { HOPELESS } else { candidates.len() };
+        let race = Race::new(candidates.len(), hopeless);
         Self { robot, motion, candidates, race, refusal: OnceLock::new() }
     }
 
@@ -109,7 +112,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Number of leading candidates that must find a request impossible before the search ends.
+/// Number of leading candidates that must find a request impossible before the search ends, without obstacles.
 const HOPELESS: usize = 2;
 
 /// Race of candidates, each with a result.
@@ -123,17 +126,20 @@ struct State<T> {
     winner: Option<usize>,
     /// Flags of the candidates, true for failed ones.
     failed: Vec<bool>,
-    /// Number of the first [`HOPELESS`] candidates that have found the request impossible.
+    /// Number of leading candidates that must find the request impossible before the race ends.
+    hopeless_max: usize,
+    /// Number of these candidates that have found it impossible.
     hopeless: usize,
     results: Vec<Option<T>>,
 }
 
 impl<T> Race<T> {
-    fn new(candidates: usize) -> Self {
+    fn new(candidates: usize, hopeless_max: usize) -> Self {
         Self(Mutex::new(State {
             next: 0,
             winner: None,
             failed: vec![false; candidates],
+            hopeless_max,
             hopeless: 0,
             results: (0..candidates).map(|_| None).collect(),
         }))
@@ -169,7 +175,7 @@ impl<T> Race<T> {
     /// Returns the result of the winner, or of the first candidate.
     fn finish(self) -> T {
         let mut state = self.0.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let given_up = state.hopeless == HOPELESS;
+        let given_up = state.hopeless == state.hopeless_max;
         let chosen = state.winner.filter(|_| !given_up).unwrap_or(0);
         state.results.swap_remove(chosen).expect("the first candidate has run")
     }
@@ -213,12 +219,14 @@ impl<T> State<T> {
 
     /// Records the end of candidate `index`.
     fn end(&mut self, index: usize, ending: StartOutcome, result: T) {
-        let hopeless = ending == StartOutcome::Hopeless && index < HOPELESS;
+        let hopeless = ending == StartOutcome::Hopeless && index < self.hopeless_max;
         self.hopeless += usize::from(hopeless);
         // A losing candidate that was stopped is after the winner anyway.
         let decided = match ending {
             StartOutcome::Decided => Some(index),
-            StartOutcome::Hopeless if hopeless && self.hopeless == HOPELESS => Some(HOPELESS - 1),
+            StartOutcome::Hopeless if hopeless && self.hopeless == self.hopeless_max => {
+                Some(self.hopeless_max - 1)
+            }
             StartOutcome::Hopeless | StartOutcome::Failed => None,
         };
         match decided {

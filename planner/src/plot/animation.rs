@@ -13,6 +13,7 @@ use crate::plan::{Plan, Sample};
 use crate::sample::PlanSpline;
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::Terrain;
+use rollwalk_multibody::ground::file::Shape;
 use svg::Document;
 use svg::node::element::{Group, Line, Style, Text, Title};
 
@@ -347,11 +348,34 @@ impl View {
         facets.iter().map(shaded).fold(Group::new(), Group::add)
     }
 
-    /// Draws the ground with lines at round distances, labelled at the edges nearest the camera.
+    /// Draws the ground. Level ground has labels at the edges nearest the camera.
     fn ground(&self) -> Group {
-        if let Some(terrain) = &self.terrain {
-            return self.terrain(terrain);
+        match &self.terrain {
+            None => self.level(),
+            Some(terrain) if terrain.shape == Shape::Level => self.obstacles(terrain, self.level()),
+            Some(terrain) => self.obstacles(terrain, self.terrain(terrain)),
         }
+    }
+
+    /// Draws the obstacles over the ground. They are transparent, because the robot is drawn over those nearer to the camera.
+    fn obstacles(&self, terrain: &Terrain, ground: Group) -> Group {
+        let visible = |corner: &Vector3<f64>| {
+            (0..2).all(|axis| {
+                let [low, high] = self.ground_m[axis];
+                (low..=high).contains(&corner[axis])
+            })
+        };
+        let facets = terrain.obstacles.iter().map(|obstacle| obstacle.shape.facets());
+        let seen = facets.filter(|facets| facets.iter().flatten().any(visible));
+        let face = |facet: [Vector3<f64>; 4]| {
+            let face = closed_path(&facet.map(|corner| self.camera.project(&corner)));
+            face.set("fill", "#f0b429").set("fill-opacity", 0.3).set("stroke", "#b4690e")
+        };
+        seen.flatten().map(face).fold(ground, Group::add)
+    }
+
+    /// Draws level ground with lines at round distances.
+    fn level(&self) -> Group {
         let [[x_min, x_max], [y_min, y_max]] = self.ground_m;
         let patch = closed_path(&corners(self.ground_m).map(|p| self.camera.project(&p)));
         let mut group = Group::new().add(patch.set("fill", "#f5f7fa").set("stroke", "#e4e7eb"));

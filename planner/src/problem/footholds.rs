@@ -6,17 +6,21 @@
 use super::Problem;
 use super::contact_ground::ContactGround;
 use nalgebra::{Rotation2, Vector2, Vector3};
+use rollwalk_multibody::ground::obstacle::parts;
 
 /// Distance of points along a limb that keep clear of edges, m.
 const LIMB_SPACING_M: f64 = 0.03;
 
 impl Problem {
-    /// Sets the ground at all contacts, and the points that must keep clear of it.
+    /// Sets the ground at all contacts, the points that must keep clear of it, and the parts that must keep clear of obstacles.
     pub(crate) fn assign_footholds(&mut self) {
         let count = self.layout.end_effectors.len();
         self.clearance_points = self.model.clearance().points().to_vec();
         if self.ground.has_edges() {
             self.clearance_points.extend(self.model.clearance().points_between(LIMB_SPACING_M));
+        }
+        if !self.ground.obstacles().is_empty() {
+            self.obstacle_parts = parts(self.model.robot());
         }
         if self.ground.terrain().is_none() {
             let ground = ContactGround { map: self.ground.body().clone(), ..Default::default() };

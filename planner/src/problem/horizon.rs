@@ -63,6 +63,7 @@ impl Problem {
             steering: goal.steering,
             contacts: Vec::new(),
             clearance_points: Vec::new(),
+            obstacle_parts: Vec::new(),
             weights,
             model,
             layout,

@@ -4,13 +4,17 @@ use super::grid::{State, Timeline};
 use super::residual::{Grid, WorstCase};
 use crate::families::Family;
 use rollwalk_multibody::clearance::{GroundPoint, Pair};
+use rollwalk_multibody::ground::obstacle::parts;
 use rollwalk_robot::ClearancePair;
 
 /// Clearance deficits, worst over all samples or frames.
 pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<WorstCase> {
     let mut links = WorstCase::of(Family::LinkClearance, grid);
     let mut ground = WorstCase::of(Family::GroundClearance, grid);
+    let mut obstacles = WorstCase::of(Family::ObstacleClearance, grid);
     let (robot, clearance) = (&timeline.plan.robot, timeline.model.clearance());
+    let in_way = timeline.plan.motion.ground.obstacles();
+    let parts = if in_way.is_empty() { Vec::new() } else { parts(robot) };
     for w in timeline.samples() {
         for pair in clearance.pairs() {
             let missing = pair.least_m - distance(w.here, pair);
@@ -22,8 +26,18 @@ pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<WorstCase> {
             let missing = (point.least_m - ground_distance_m(w.here, point)).max(0.0);
             ground.record(missing, &w, Some(&robot.links[point.link].name));
         }
+        for part in &parts {
+            let placed = part.placed(&w.here.pose.frames);
+            for obstacle in in_way {
+                let near = obstacle.distance(&placed, obstacle.margin_m);
+                let missing = near.map_or(0.0, |near| obstacle.margin_m - near.distance_m);
+                let names =
+                    near.map(|_| format!("{} – {}", robot.links[part.link].name, obstacle.name));
+                obstacles.record(missing, &w, names.as_deref());
+            }
+        }
     }
-    vec![links, ground]
+    vec![links, ground, obstacles]
 }
 
 /// Distance of a point of a shape or joint from the ground, m.

@@ -336,6 +336,7 @@ fn both_opinions_agree_on_the_size_of_every_residual() {
         Family::JointLimit,
         Family::Foothold,
         Family::SwingClearance,
+        Family::ObstacleClearance,
     ];
     for &family in Family::ALL {
         let expected = family.kind() != Kind::Cost && !unreported.contains(&family);

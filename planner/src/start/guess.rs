@@ -1,5 +1,6 @@
 //! Standing start, moved evenly towards the goal.
 
+use super::detour::Detour;
 use crate::formulation::LEAN;
 use crate::motion::Footing;
 use crate::problem::state::{ContactFrame, rolling_direction, tilt_and_yaw};
@@ -52,10 +53,16 @@ pub fn standing(problem: &Problem) -> DVector<f64> {
 
 /// Unknowns with a standing robot at all samples, moved and turned evenly towards the goal.
 pub fn from_standing(problem: &Problem) -> Unknowns {
+    along(problem, &Detour::default())
+}
+
+/// Unknowns with a standing robot at all samples, moved along a detour. The robot faces along it.
+pub(super) fn along(problem: &Problem, detour: &Detour) -> Unknowns {
     let stand = standing(problem);
     let placement = problem.goal_placement();
     let way = Vector3::new(placement.offset_m[0], placement.offset_m[1], 0.0);
     let turn = placement.yaw_rad;
+    let left = Vector3::new(-way.y, way.x, 0.0).try_normalize(0.0).unwrap_or_default();
     let intervals = (problem.last() - 1) as f64;
     let duration_s = intervals * problem.interval_s;
     let slots = (0..problem.samples)
@@ -66,10 +73,16 @@ pub fn from_standing(problem: &Problem) -> Unknowns {
             for (c, distance) in way.iter().enumerate().take(2) {
                 vars[BASE_POSITION + c] += u * distance;
             }
-            vars[BASE_YAW] += u * turn;
+            let [(aside_m, slope), (lower_m, _)] =
+                [&detour.aside, &detour.duck].map(|offsets| offsets.at(u * way.norm()));
+            vars[BASE_POSITION + 2] -= lower_m;
+            vars[BASE_POSITION] += aside_m * left.x;
+            vars[BASE_POSITION + 1] += aside_m * left.y;
+            let turn = u * turn + slope.atan();
+            vars[BASE_YAW] += turn;
             stand_on(&problem.ground, &mut vars);
             for ee in problem.layout.end_effectors.iter().filter_map(|e| e.wheel) {
-                vars[ee.yaw] += u * turn;
+                vars[ee.yaw] += turn;
             }
             follow_kinematics(&problem.model, &problem.layout, &problem.ground, &mut vars);
             for (j, ee) in problem.layout.end_effectors.iter().enumerate() {

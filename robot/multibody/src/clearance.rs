@@ -9,7 +9,7 @@
 //! checked. Shapes whose nominal distance is below the margin must keep the nominal distance. `rollwalk robot check` lists both
 //! cases.
 
-use crate::distance::{Capsule, OrientedBox};
+use crate::distance::{BoxDistance, Capsule, OrientedBox};
 use crate::{Frames, Tree};
 use nalgebra::Vector3;
 use rollwalk_robot::ClearancePair;
@@ -68,17 +68,54 @@ struct LinkShape {
 #[derive(Clone, Debug)]
 pub struct PlacedShapes(Vec<PlacedPart>);
 
+/// Shape in world axes, with an enclosing sphere.
 #[derive(Clone, Copy, Debug)]
-struct PlacedPart {
-    middle: Vector3<f64>,
-    reach_m: f64,
-    shape: PlacedShape,
+pub struct PlacedPart {
+    pub(crate) middle: Vector3<f64>,
+    pub(crate) reach_m: f64,
+    pub(crate) shape: PlacedShape,
 }
 
 #[derive(Clone, Copy, Debug)]
-enum PlacedShape {
+pub(crate) enum PlacedShape {
     Capsule(Capsule),
     Box(OrientedBox),
+}
+
+impl LinkShape {
+    fn new(link: usize, shape: Shape) -> Self {
+        let (middle_in_link_m, reach_m) = match shape {
+            Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } => {
+                let half_m = 0.5 * (to_in_link_m - from_in_link_m).norm();
+                (0.5 * (from_in_link_m + to_in_link_m), half_m + radius_m)
+            }
+            Shape::Box { center_in_link_m, size_m } => (center_in_link_m, 0.5 * size_m.norm()),
+        };
+        Self { link, shape, middle_in_link_m, reach_m }
+    }
+
+    fn placed(&self, frames: &Frames) -> PlacedPart {
+        PlacedPart {
+            middle: frames.point(self.link, &self.middle_in_link_m),
+            reach_m: self.reach_m,
+            shape: frames.placed(self.link, &self.shape),
+        }
+    }
+}
+
+impl PlacedPart {
+    /// Points with a radius around each, m, whose convex hull is the shape.
+    pub fn corners(&self) -> Vec<(Vector3<f64>, f64)> {
+        match &self.shape {
+            PlacedShape::Capsule(limb) => limb.ends.map(|end| (end, limb.radius_m)).to_vec(),
+            PlacedShape::Box(body) => body.corners().map(|corner| (corner, 0.0)).to_vec(),
+        }
+    }
+
+    /// Transforms a shape of a link to world axes.
+    pub(crate) fn new(frames: &Frames, link: usize, shape: &Shape) -> Self {
+        LinkShape::new(link, *shape).placed(frames)
+    }
 }
 
 impl Frames {
@@ -189,14 +226,7 @@ impl Clearance {
     fn index_of(&mut self, link: usize, shape: Shape) -> usize {
         let known = self.shapes.iter().position(|known| known.link == link && known.shape == shape);
         known.unwrap_or_else(|| {
-            let (middle_in_link_m, reach_m) = match shape {
-                Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } => {
-                    let half_m = 0.5 * (to_in_link_m - from_in_link_m).norm();
-                    (0.5 * (from_in_link_m + to_in_link_m), half_m + radius_m)
-                }
-                Shape::Box { center_in_link_m, size_m } => (center_in_link_m, 0.5 * size_m.norm()),
-            };
-            self.shapes.push(LinkShape { link, shape, middle_in_link_m, reach_m });
+            self.shapes.push(LinkShape::new(link, shape));
             self.shapes.len() - 1
         })
     }
@@ -230,12 +260,7 @@ impl Clearance {
 
     /// Transforms all shapes to world axes.
     pub fn placed(&self, frames: &Frames) -> PlacedShapes {
-        let place = |of: &LinkShape| PlacedPart {
-            middle: frames.point(of.link, &of.middle_in_link_m),
-            reach_m: of.reach_m,
-            shape: frames.placed(of.link, &of.shape),
-        };
-        PlacedShapes(self.shapes.iter().map(place).collect())
+        PlacedShapes(self.shapes.iter().map(|shape| shape.placed(frames)).collect())
     }
 }
 
@@ -286,16 +311,32 @@ impl PlacedShapes {
                 (found.distance_m, found.by_ends)
             }
         };
-        let [from, to] = [0, 1].map(|k| limb.ends[k].cross(&by_ends[k]));
-        (distance_m < within_m).then(|| PairDistance {
-            distance_m,
-            force: by_ends[0] + by_ends[1],
-            moment: from + to,
-        })
+        (distance_m < within_m).then(|| PairDistance::of_ends(distance_m, &limb.ends, &by_ends))
     }
 }
 
 impl PairDistance {
+    /// Distance of a moving line segment, from its gradients with respect to the ends.
+    pub(crate) fn of_ends(
+        distance_m: f64,
+        ends: &[Vector3<f64>; 2],
+        by_ends: &[Vector3<f64>; 2],
+    ) -> Self {
+        let [from, to] = [0, 1].map(|k| ends[k].cross(&by_ends[k]));
+        Self { distance_m, force: by_ends[0] + by_ends[1], moment: from + to }
+    }
+
+    /// Distance of a moving box from a fixed capsule.
+    pub(crate) fn of_box(moving: &OrientedBox, found: &BoxDistance) -> Self {
+        let moment = moving.center.cross(&found.by_center) + found.by_rotation;
+        Self { distance_m: found.distance_m, force: found.by_center, moment }
+    }
+
+    /// Derivative with respect to a displacement of the second shape.
+    pub fn by_way(&self) -> Vector3<f64> {
+        self.force
+    }
+
     /// Derivative with respect to a turn about an axis, m/rad, for a joint that moves the second link. For a joint that moves
     /// the first link, the sign is opposite.
     pub fn by_turn(&self, axis: &Vector3<f64>, origin: &Vector3<f64>) -> f64 {

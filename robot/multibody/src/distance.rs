@@ -127,6 +127,26 @@ impl OrientedBox {
         Some(Self { center, world_from_box: *world_from_link, half_size_m: size_m * 0.5 })
     }
 
+    /// Corners, in the order of binary numbers whose lowest digit selects the side along x.
+    pub fn corners(&self) -> [Vector3<f64>; 8] {
+        std::array::from_fn(|k| {
+            let sign = Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { -1.0 } else { 1.0 });
+            self.center + self.world_from_box * self.half_size_m.component_mul(&sign)
+        })
+    }
+
+    /// Edges, each with its two ends.
+    pub fn edges(&self) -> [[Vector3<f64>; 2]; 12] {
+        let corners = self.corners();
+        let mut ends = (0..8usize)
+            .flat_map(|k| (0..3).map(move |axis| (k, k | 1 << axis)))
+            .filter(|(from, to)| from != to);
+        std::array::from_fn(|_| {
+            let (from, to) = ends.next().expect("a box has 12 edges");
+            [corners[from], corners[to]]
+        })
+    }
+
     /// Lower bound of the distance to a capsule, m: the largest distance from the plane of a face to the nearer end of the
     /// capsule's segment, minus the radius.
     pub fn least_distance(&self, capsule: &Capsule) -> f64 {

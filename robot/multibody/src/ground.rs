@@ -8,6 +8,8 @@ mod facets;
 pub mod file;
 mod gaussian;
 mod grid;
+pub mod obstacle;
+mod obstacle_file;
 mod rotated;
 mod shapes;
 mod spline;
@@ -21,6 +23,7 @@ pub use elevation::Elevation;
 pub use elevation_map::ElevationMap;
 pub use file::Terrain;
 pub use grid::Grid;
+pub use obstacle::Furnished;
 pub use rotated::RotatedGround;
 pub use shapes::{Capsule, Cuboid, Plane, Rounded, Sphere, Union};
 pub use spline::FieldError;
@@ -75,6 +78,16 @@ pub trait Ground: std::fmt::Debug + Send + Sync {
     fn parts(&self) -> Vec<Arc<dyn Ground>> {
         Vec::new()
     }
+
+    /// Returns the ground with its obstacles, if it has any.
+    fn furnished(&self) -> Option<&Furnished> {
+        None
+    }
+}
+
+/// Ground below a robot, without obstacles.
+pub fn floor_of(ground: &Arc<dyn Ground>) -> Arc<dyn Ground> {
+    ground.furnished().map_or_else(|| Arc::clone(ground), |all| Arc::clone(all.floor()))
 }
 
 /// Parts of a ground, or the ground itself if it is a single part.

@@ -268,7 +268,7 @@ struct MotionComparison {
 impl MotionComparison {
     /// True if the new plan is consistent, and if the motion passes its checks in simulation or needs feedback.
     fn holds(&self) -> bool {
-        let simulated = self.simulated[1].is_none_or(|verdict| verdict.holds());
+        let simulated = self.simulated[1].as_ref().is_none_or(Verdict::holds);
         self.consistent && (simulated || self.needs_feedback.is_some())
     }
 }
@@ -390,8 +390,9 @@ impl DesignOutput {
                 ]);
             }
             let [before, after] = &motion.simulated;
-            let simulated =
-                |of: &Option<Verdict>| of.map_or("not simulated".to_owned(), |of| of.to_string());
+            let simulated = |of: &Option<Verdict>| {
+                of.as_ref().map_or("not simulated".to_owned(), Verdict::to_string)
+            };
             let needs = motion.needs_feedback.as_ref().map_or(String::new(), |why| {
                 format!("\nthe motion needs feedback according to its file: {why}")
             });

@@ -3,6 +3,7 @@
 use crate::xml::{Xml, numbers};
 use nalgebra::{Rotation3, Vector3};
 use rollwalk_multibody::ground::file::Shape;
+use rollwalk_multibody::ground::obstacle::ObstacleShape;
 use rollwalk_multibody::ground::{HeightField, Profile, Terrain, Tread};
 use std::io;
 
@@ -60,8 +61,10 @@ pub(super) fn geoms(xml: &mut Xml, terrain: Option<&Terrain>) -> io::Result<()> 
     let names = names(terrain);
     let ground = |name: &str| vec![("name", name.to_owned()), ("class", "ground".to_owned())];
     let Some(terrain) = terrain else { return xml.empty("geom", &ground(&names[0])) };
+    obstacles(xml, terrain)?;
     let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), terrain.heading_rad);
     match &terrain.shape {
+        Shape::Level => xml.empty("geom", &ground(&names[0])),
         Shape::Slope(angle_rad) => {
             let normal = turn * Vector3::new(-angle_rad.sin(), 0.0, angle_rad.cos());
             let mut geom = ground(&names[0]);
@@ -90,6 +93,35 @@ pub(super) fn geoms(xml: &mut Xml, terrain: Option<&Terrain>) -> io::Result<()> 
             xml.empty("geom", &geom)
         }
     }
+}
+
+/// Writes the obstacles. Every shape of the robot collides with them.
+fn obstacles(xml: &mut Xml, terrain: &Terrain) -> io::Result<()> {
+    for (k, obstacle) in terrain.obstacles.iter().enumerate() {
+        let mut geom = vec![("name", format!("obstacle_{k}")), ("contype", "1".to_owned())];
+        match &obstacle.shape {
+            ObstacleShape::Box(cuboid) => {
+                let pose = cuboid.world_from_box;
+                geom.extend([
+                    ("type", "box".to_owned()),
+                    ("size", numbers(cuboid.half_m.as_slice())),
+                    ("pos", numbers(pose.translation.vector.as_slice())),
+                    ("quat", quaternion(&pose.rotation.to_rotation_matrix())),
+                ]);
+            }
+            ObstacleShape::Capsule(capsule) => {
+                let ends = capsule.ends.iter().flat_map(|end| end.iter().copied());
+                geom.extend([
+                    ("type", "capsule".to_owned()),
+                    ("size", numbers(&[capsule.radius_m])),
+                    ("fromto", numbers(&ends.collect::<Vec<f64>>())),
+                ]);
+            }
+        }
+        geom.push(("rgba", "0.94 0.7 0.16 0.5".to_owned()));
+        xml.empty("geom", &geom)?;
+    }
+    Ok(())
 }
 
 /// Box whose upper face is a tread.

@@ -162,6 +162,32 @@ fn every_term_matches_finite_differences_on_stairs() {
     }
 }
 
+/// Checks the distances of all parts of the robots from a box and a bar, within a wide margin.
+#[test]
+fn every_term_matches_finite_differences_near_obstacles() {
+    const OBSTACLES: &str = "[[obstacle]]\nbox_m = [0.3, 0.4, 0.5]\nat_m = [0.9, 0.2, 0.4]\n\
+        heading_deg = 25\nmargin_m = 1.0\n[[obstacle]]\nfrom_m = [-0.8, -1.0, 0.9]\n\
+        to_m = [-0.6, 1.0, 0.7]\nradius_m = 0.05\nmargin_m = 1.0";
+    let margins = ContactMargins { margin_m: 0.03, swing_reach_m: 0.1 };
+    let mut seen = vec![0; Family::ALL.len()];
+    for (robot, ends) in
+        test_robots::all().iter().zip([Ends::AtRest, Ends::Prescribed].into_iter().cycle())
+    {
+        let mut problem = problem(robot, ends, &ElevationMap::default());
+        let terrain = from_toml("obstacles.toml", OBSTACLES).expect("obstacles");
+        let rolls = vec![false; robot.end_effectors.len()];
+        problem.ground = Footing::on(terrain, &margins, robot, &rolls);
+        problem.assign_footholds();
+        let unknowns = random_unknowns(&problem.model, problem.frozen.len(), 11);
+        check(&problem, &unknowns, &mut seen);
+        let rows = System::new(&problem).rows(&unknowns, Rows::default());
+        let of_obstacles = rows.iter().filter(|(row, _)| row.family == Family::ObstacleClearance);
+        let near = of_obstacles.filter(|(_, value)| *value > 0.0).count();
+        assert!(near > 10, "{}: {near} parts near an obstacle", robot.name);
+    }
+    assert!(seen[Family::ObstacleClearance as usize] > 0);
+}
+
 /// Checks that terms measure heights from the ground, not from z = 0.
 #[test]
 fn no_row_changes_where_ground_and_robot_are_higher() {

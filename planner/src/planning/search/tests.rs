@@ -29,7 +29,7 @@ fn first_that_decides<T: Send>(
     progress: &(dyn Fn(&Progress) -> ControlFlow<()> + Sync),
     solve: &(dyn Fn(usize, &mut ProgressCallback<'_>) -> (StartOutcome, T) + Sync),
 ) -> T {
-    let race = Race::new(count);
+    let race = Race::new(count, HOPELESS);
     let work = || race.work(&mut |state| progress(state), solve);
     thread::scope(|scope| {
         for _ in 1..workers {

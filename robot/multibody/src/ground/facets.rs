@@ -32,6 +32,7 @@ impl Terrain {
             [place(x0, right, z0), place(x1, right, z1), place(x1, left, z1), place(x0, left, z0)]
         };
         match &self.shape {
+            Shape::Level => vec![strip(along.map(|x| [x, 0.0]))],
             Shape::Slope(angle_rad) => {
                 vec![strip(along.map(|x| [x, x * angle_rad.tan()]))]
             }

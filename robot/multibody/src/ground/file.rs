@@ -1,7 +1,8 @@
-//! Terrain files: TOML files that describe ground (docs/terrain-files.md).
+//! Terrain files: TOML files that describe ground and obstacles (docs/terrain-files.md).
 
+use super::obstacle::Obstacle;
 use super::terrain::CORNER_MIN_M;
-use super::{Ground, HeightField, Plane, Profile, RotatedGround};
+use super::{Furnished, Ground, HeightField, Plane, Profile, RotatedGround, obstacle_file};
 use rollwalk_robot::document::{Document, DocumentError, Table, alternatives};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -15,7 +16,7 @@ const STAIRS_MAX: u32 = 100;
 /// Maximum number of heights in a field.
 const HEIGHTS_MAX: usize = 250_000;
 /// Maximum distance of a coordinate from the origin, m.
-const FAR_M: f64 = 1000.0;
+pub(super) const FAR_M: f64 = 1000.0;
 
 /// Maximum absolute height of the ground, m.
 const HEIGHT_MAX_M: f64 = 10.0;
@@ -29,11 +30,15 @@ pub struct Terrain {
     pub shape: Shape,
     /// Heading of the shape's x axis, rad.
     pub heading_rad: f64,
+    /// Obstacles on the ground, in world axes.
+    pub obstacles: Vec<Obstacle>,
 }
 
 /// Shape of a terrain.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
+    /// Plane z = 0.
+    Level,
     /// Plane through the origin that rises along x by an angle, rad.
     Slope(f64),
     /// Heights along x.
@@ -43,9 +48,19 @@ pub enum Shape {
 }
 
 impl Terrain {
-    /// Solid of the terrain, for simulations and distances.
+    /// Solid of ground and obstacles, for simulations.
     pub fn solid(&self) -> Arc<dyn Ground> {
+        let ground = self.ground();
+        if self.obstacles.is_empty() {
+            return ground;
+        }
+        Arc::new(Furnished::new(ground, self.obstacles.clone()))
+    }
+
+    /// Solid of the ground without obstacles.
+    pub fn ground(&self) -> Arc<dyn Ground> {
         let solid: Arc<dyn Ground> = match &self.shape {
+            Shape::Level => Arc::new(Plane::level()),
             Shape::Slope(angle_rad) => Arc::new(Plane::rising(*angle_rad)),
             Shape::Profile(profile) => Arc::new(profile.clone()),
             Shape::Field(field) => Arc::clone(field) as Arc<dyn Ground>,
@@ -71,7 +86,7 @@ const KINDS: [(&str, TerrainReader); 7] = [
     ("height_field", height_field),
 ];
 
-/// Names of the terrain tables. A terrain file contains exactly one of them.
+/// Names of the terrain tables. A terrain file contains one of them, or none if it has obstacles on level ground.
 pub fn kinds() -> impl Iterator<Item = &'static str> {
     KINDS.into_iter().map(|(name, _)| name)
 }
@@ -82,20 +97,20 @@ pub fn kinds() -> impl Iterator<Item = &'static str> {
 /// Returns every fault of the file.
 pub fn from_toml(file_name: &str, text: &str) -> Result<Terrain, DocumentError> {
     let document = Document::parse(file_name, text)?;
-    let read = shape(&document);
-    let terrain = |(shape, heading_rad)| Terrain { toml: text.to_owned(), shape, heading_rad };
-    document.finish(read.map(terrain))
+    let read = terrain(&document, text);
+    document.finish(read)
 }
 
-/// Reads the shape and its heading, rad.
-fn shape(document: &Document<'_>) -> Option<(Shape, f64)> {
+fn terrain(document: &Document<'_>, text: &str) -> Option<Terrain> {
     let root = document.root();
+    let toml = text.to_owned();
     let heading_deg = match root.has("heading_deg") {
         true => root.number_in("heading_deg", -180.0..=180.0, "degrees"),
         false => Some(0.0),
     };
     let mut found = KINDS.into_iter().filter(|(name, _)| root.has(name));
     let (first, second) = (found.next(), found.next());
+    let obstacles = obstacle_file::obstacles(&root, heading_deg.unwrap_or(0.0).to_radians());
     root.done();
     if let (Some((first, _)), Some((second, _))) = (first, second) {
         root.fault(
@@ -105,16 +120,25 @@ fn shape(document: &Document<'_>) -> Option<(Shape, f64)> {
             "keep one of the two terrains",
         );
     }
+    let heading_rad = heading_deg.map(f64::to_radians);
     let Some((name, read)) = first else {
+        if root.has(obstacle_file::KEY) {
+            let (shape, heading_rad, obstacles) = (Shape::Level, heading_rad?, obstacles?);
+            return Some(Terrain { toml, shape, heading_rad, obstacles });
+        }
         let names = KINDS.map(|(name, _)| name);
-        let help = format!("describe the terrain in a table; {}", alternatives("", names));
+        let help = format!(
+            "describe the ground in a table, or obstacles on level ground in [[obstacle]]; {}",
+            alternatives("", names)
+        );
         document.fault(root.span(), "there is no terrain", "needs a terrain", help);
         return None;
     };
     let table = root.table(name)?;
     let shape = read(&table);
     table.done();
-    Some((shape?, heading_deg?.to_radians()))
+    let (shape, heading_rad, obstacles) = (shape?, heading_rad?, obstacles?);
+    Some(Terrain { toml, shape, heading_rad, obstacles })
 }
 
 fn slope(table: &Table<'_>) -> Option<Shape> {

@@ -1,0 +1,51 @@
+//! Collisions of a simulated robot with obstacles. The simulation stops points of links at obstacles, such as feet, wheels and
+//! the ends of capsules; this check compares their whole shapes.
+
+use rollwalk_multibody::ground::Ground;
+use rollwalk_multibody::ground::obstacle::{Obstacle, Part, parts};
+use rollwalk_multibody::{Frames, Tree};
+use rollwalk_physics::World;
+use rollwalk_robot::Robot;
+use serde::Serialize;
+
+/// Collision of a link with an obstacle.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Collision {
+    /// Simulated time, s.
+    pub at_s: f64,
+    /// Name of the link, or of the link that carries the foot or wheel.
+    pub link: String,
+    /// Name of the obstacle.
+    pub obstacle: String,
+}
+
+/// Detector of collisions.
+#[derive(Debug)]
+pub(crate) struct CollisionWatch {
+    tree: Tree,
+    parts: Vec<Part>,
+    obstacles: Vec<Obstacle>,
+}
+
+impl CollisionWatch {
+    /// Creates a detector; `None` for ground without obstacles.
+    pub fn new(robot: &Robot, ground: &dyn Ground) -> Option<Self> {
+        let obstacles = ground.furnished()?.obstacles().to_vec();
+        Some(Self { tree: Tree::new(robot), parts: parts(robot), obstacles })
+    }
+
+    /// Returns the first part of the robot that overlaps an obstacle.
+    pub fn check(&self, world: &World) -> Option<Collision> {
+        let state = world.state(&self.tree);
+        let frames = Frames::new(&self.tree, &state.configuration());
+        self.parts.iter().find_map(|part| {
+            let placed = part.placed(&frames);
+            let met = self.obstacles.iter().find(|met| met.distance(&placed, 0.0).is_some())?;
+            Some(Collision {
+                at_s: world.system().time_s(),
+                link: self.tree.robot().links[part.link].name.clone(),
+                obstacle: met.name.clone(),
+            })
+        })
+    }
+}

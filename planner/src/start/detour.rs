@@ -1,0 +1,331 @@
+//! Ways round the obstacles between the start and the goal of a motion.
+//!
+//! A solve does not move a robot through an obstacle to its other side. A detour is a start on a chosen side: the body moves
+//! along an offset from the straight way, and faces along it, so that wheels roll. Below an obstacle at the height of its head,
+//! it ducks.
+
+use crate::motion::Motion;
+use nalgebra::{Rotation2, Vector2, Vector3};
+use rollwalk_multibody::euler::{BASE_POSITION, Model};
+use rollwalk_multibody::ground::obstacle::{Obstacle, parts};
+use rollwalk_robot::Robot;
+
+/// Maximum number of detours that are tried.
+const DETOURS_MAX: usize = 3;
+/// Fraction of the standing robot's height above which an obstacle is ducked under.
+const DUCK: f64 = 0.5;
+/// Length over which the offset changes, over its change.
+const RAMP: f64 = 1.5;
+/// Additional distance from obstacles, over the robot's half width: corners swing out as the robot turns.
+const SLACK: f64 = 0.15;
+
+/// Offsets from the straight way over the distance along it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Detour {
+    /// Offset to the left.
+    pub aside: Offsets,
+    /// Offset downwards.
+    pub duck: Offsets,
+}
+
+/// Offset over the distance along a way: corners of a line, m. Without corners, the offset is 0.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Offsets(Vec<[f64; 2]>);
+
+impl Offsets {
+    /// Offset at a distance along the way, m, and its slope.
+    pub fn at(&self, along_m: f64) -> (f64, f64) {
+        let after = self.0.iter().position(|[corner_m, _]| *corner_m > along_m);
+        let Some(after) = after.filter(|after| *after > 0) else { return (0.0, 0.0) };
+        let ([from_m, low_m], [to_m, high_m]) = (self.0[after - 1], self.0[after]);
+        let u = (along_m - from_m) / (to_m - from_m);
+        // Smooth, parallel to the way at both corners.
+        let rise_m = high_m - low_m;
+        let slope = 6.0 * u * (1.0 - u) * rise_m / (to_m - from_m);
+        (low_m + rise_m * u * u * (3.0 - 2.0 * u), slope)
+    }
+}
+
+/// Extent of something along and across a way, m.
+#[derive(Clone, Copy, Debug)]
+struct Extent {
+    along_m: [f64; 2],
+    across_m: [f64; 2],
+    height_m: [f64; 2],
+}
+
+impl Extent {
+    /// Extent of points with a radius around them, in axes whose x axis points along the way.
+    fn of(
+        points: impl Iterator<Item = (Vector3<f64>, f64)>,
+        way_from_world: &Rotation2<f64>,
+    ) -> Self {
+        const EMPTY: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
+        let mut found = Self { along_m: EMPTY, across_m: EMPTY, height_m: EMPTY };
+        for (point, radius_m) in points {
+            let seen = way_from_world * point.xy();
+            let ranges = [&mut found.along_m, &mut found.across_m, &mut found.height_m];
+            for (range, at) in ranges.into_iter().zip([seen.x, seen.y, point.z]) {
+                *range = [range[0].min(at - radius_m), range[1].max(at + radius_m)];
+            }
+        }
+        found
+    }
+}
+
+/// Detours of a motion, the shortest first. Empty if the straight way is free.
+pub(crate) fn detours(robot: &Robot, motion: &Motion) -> Vec<Detour> {
+    let obstacles = motion.ground.obstacles();
+    let goal =
+        Vector2::new(motion.goal.forward_m.unwrap_or(0.0), motion.goal.left_m.unwrap_or(0.0));
+    if obstacles.is_empty() || goal.norm() == 0.0 {
+        return Vec::new();
+    }
+    let way_from_world = Rotation2::new(-goal.y.atan2(goal.x));
+    let body = standing(robot, motion, &way_from_world);
+    let duck = ducks(&body, goal.norm(), obstacles, &way_from_world);
+    let mut aside = Ways::new(&body, goal.norm(), obstacles, &way_from_world).round();
+    if aside.is_empty() && duck != Offsets::default() {
+        aside.push(Offsets::default());
+    }
+    aside.into_iter().map(|aside| Detour { aside, duck: duck.clone() }).collect()
+}
+
+/// Place at which an offset is needed.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    /// Distances along the way from which and to which the robot is beside or below an obstacle, m.
+    range_m: [f64; 2],
+    /// Distance of the middle of the obstacle, within the way, m.
+    middle_m: f64,
+    offset_m: f64,
+}
+
+impl Place {
+    fn new(range_m: [f64; 2], offset_m: f64, length_m: f64) -> Self {
+        let middle_m = (0.5 * (range_m[0] + range_m[1])).clamp(0.0, length_m);
+        Self { range_m, middle_m, offset_m }
+    }
+}
+
+/// Offsets at places in ascending order. Where two are too near to each other for a steady change, the robot is at its offset
+/// only beside the middle of each.
+fn through(mut places: Vec<Place>, length_m: f64) -> Offsets {
+    places.insert(0, Place::new([0.0; 2], 0.0, length_m));
+    places.push(Place::new([length_m; 2], 0.0, length_m));
+    for next in 1..places.len() {
+        let [before, after] = &mut places[next - 1..=next] else { unreachable!("two places") };
+        let need_m = RAMP * (after.offset_m - before.offset_m).abs();
+        let lacks_m = need_m - (after.range_m[0] - before.range_m[1]);
+        if lacks_m > 0.0 {
+            before.range_m[1] = (before.range_m[1] - 0.5 * lacks_m).max(before.middle_m);
+            after.range_m[0] = (before.range_m[1] + need_m).min(after.middle_m);
+        }
+    }
+    let corners = places.iter().flat_map(|place| {
+        let [from_m, to_m] = place.range_m;
+        [from_m.min(place.middle_m), to_m.max(place.middle_m)].map(|at_m| [at_m, place.offset_m])
+    });
+    let mut corners: Vec<_> = corners.collect();
+    corners.dedup_by(|next, before| next[0] <= before[0]);
+    Offsets(corners)
+}
+
+/// Extent of an obstacle as the base of the robot sees it: enlarged by margin and robot.
+fn enlarged(obstacle: &Obstacle, body: &Extent, way_from_world: &Rotation2<f64>) -> Extent {
+    let (corners, radius_m) = obstacle.shape.corners();
+    let corners = corners.into_iter().map(|corner| (corner, radius_m + obstacle.margin_m));
+    let Extent { along_m, across_m, height_m } = Extent::of(corners, way_from_world);
+    Extent {
+        along_m: [along_m[0] - body.along_m[1], along_m[1] - body.along_m[0]],
+        across_m: [across_m[0] - body.across_m[1], across_m[1] - body.across_m[0]],
+        height_m,
+    }
+}
+
+/// Returns true for an obstacle between this place and the goal.
+fn in_way(of: &Extent, length_m: f64) -> bool {
+    contains(of.across_m, 0.0) && of.along_m[1] > 0.0 && of.along_m[0] < length_m
+}
+
+fn contains([low, high]: [f64; 2], value: f64) -> bool {
+    low < value && value < high
+}
+
+/// Offsets downwards below the obstacles at the height of the robot's head.
+fn ducks(
+    body: &Extent,
+    length_m: f64,
+    obstacles: &[Obstacle],
+    way_from_world: &Rotation2<f64>,
+) -> Offsets {
+    let head_m = body.height_m[1];
+    let above = obstacles.iter().map(|obstacle| enlarged(obstacle, body, way_from_world));
+    let above = above.filter(|of| (DUCK * head_m..head_m).contains(&of.height_m[0]));
+    let above = above.filter(|of| in_way(of, length_m));
+    let mut places: Vec<Place> =
+        above.map(|of| Place::new(of.along_m, head_m - of.height_m[0], length_m)).collect();
+    if places.is_empty() {
+        return Offsets::default();
+    }
+    places.sort_by(|one, other| one.middle_m.total_cmp(&other.middle_m));
+    through(places, length_m)
+}
+
+/// Extent of the standing robot about its base.
+fn standing(robot: &Robot, motion: &Motion, way_from_world: &Rotation2<f64>) -> Extent {
+    let model = Model::new(robot);
+    let q = model.standing_q(&motion.posture_rad);
+    let pose = model.pose_values(&q);
+    let base = Vector3::new(q[BASE_POSITION], q[BASE_POSITION + 1], 0.0);
+    let parts = parts(robot);
+    let points = parts.iter().flat_map(|part| part.placed(&pose.frames).corners());
+    Extent::of(points.map(|(point, radius_m)| (point - base, radius_m)), way_from_world)
+}
+
+/// Places that the robot passes, with the offsets at which it can.
+struct Ways {
+    length_m: f64,
+    /// Obstacles in the way, by distance, each with the distances between which the robot is beside it.
+    blocking: Vec<[f64; 2]>,
+    /// Offsets at which the robot passes each of `blocking`, m.
+    free_m: Vec<Vec<f64>>,
+}
+
+impl Ways {
+    fn new(
+        body: &Extent,
+        length_m: f64,
+        obstacles: &[Obstacle],
+        way_from_world: &Rotation2<f64>,
+    ) -> Self {
+        let slack_m = SLACK * 0.5 * (body.across_m[1] - body.across_m[0]);
+        let at_height = |of: &Extent| {
+            of.height_m[0] < DUCK * body.height_m[1] && of.height_m[1] > body.height_m[0]
+        };
+        let seen = obstacles.iter().map(|obstacle| enlarged(obstacle, body, way_from_world));
+        let seen = seen.filter(at_height);
+        let slacken = |of: Extent| {
+            let [right_m, left_m] = of.across_m;
+            Extent { across_m: [right_m - slack_m, left_m + slack_m], ..of }
+        };
+        let enlarged: Vec<Extent> = seen.map(slacken).collect();
+        let blocking = enlarged.iter().filter(|of| in_way(of, length_m));
+        let mut blocking: Vec<Extent> = blocking.copied().collect();
+        blocking.sort_by(|one, other| one.along_m[0].total_cmp(&other.along_m[0]));
+        let sides = || enlarged.iter().flat_map(|of| of.across_m).chain([0.0]);
+        let free_at = |station: &Extent| {
+            let beside = |of: &&Extent| {
+                of.along_m[0] < station.along_m[1] && of.along_m[1] > station.along_m[0]
+            };
+            let free = |offset_m: &f64| {
+                !enlarged.iter().filter(beside).any(|of| contains(of.across_m, *offset_m))
+            };
+            let mut free_m: Vec<f64> = sides().filter(free).collect();
+            free_m.sort_by(f64::total_cmp);
+            free_m.dedup();
+            free_m
+        };
+        let free_m = blocking.iter().map(free_at).collect();
+        Self { length_m, blocking: blocking.iter().map(|of| of.along_m).collect(), free_m }
+    }
+
+    /// Ways, the shortest first: one for each side of the first obstacle.
+    fn round(&self) -> Vec<Offsets> {
+        let Some(first) = self.free_m.first() else { return Vec::new() };
+        let mut found: Vec<(f64, Offsets)> =
+            first.iter().filter_map(|&offset_m| self.shortest(offset_m)).collect();
+        found.sort_by(|(one, _), (other, _)| one.total_cmp(other));
+        found.truncate(DETOURS_MAX);
+        found.into_iter().map(|(_, offsets)| offsets).collect()
+    }
+
+    /// Shortest way that passes the first obstacle at an offset, and the sum of its offsets, m. `None` if an obstacle cannot
+    /// be passed.
+    fn shortest(&self, first_m: f64) -> Option<(f64, Offsets)> {
+        // For each offset at the present obstacle: sum of changes so far, and the offsets until there.
+        let mut ends = vec![(first_m.abs(), vec![first_m])];
+        for free_m in &self.free_m[1..] {
+            let reach = |&offset_m: &f64| {
+                let to = |(sum_m, offsets): &(f64, Vec<f64>)| {
+                    let change_m = (offset_m - offsets[offsets.len() - 1]).abs();
+                    let offsets = offsets.iter().copied().chain([offset_m]).collect();
+                    (sum_m + change_m, offsets)
+                };
+                ends.iter().map(to).min_by(|(one, _), (other, _)| one.total_cmp(other))
+            };
+            ends = free_m.iter().filter_map(reach).collect();
+        }
+        let total =
+            |(sum_m, offsets): (f64, Vec<f64>)| (sum_m + offsets[offsets.len() - 1].abs(), offsets);
+        let all = ends.into_iter().map(total);
+        let (sum_m, offsets) = all.min_by(|(one, _), (other, _)| one.total_cmp(other))?;
+        Some((sum_m, self.through(&offsets)))
+    }
+
+    /// Way with these offsets at the obstacles.
+    fn through(&self, offsets_m: &[f64]) -> Offsets {
+        let beside = self.blocking.iter().zip(offsets_m);
+        let places =
+            beside.map(|(range_m, offset_m)| Place::new(*range_m, *offset_m, self.length_m));
+        through(places.collect(), self.length_m)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ways(obstacles: &[([f64; 2], [f64; 2])]) -> Ways {
+        let body = Extent { along_m: [-0.2, 0.2], across_m: [-0.1, 0.1], height_m: [0.0, 0.4] };
+        let boxes = obstacles.iter().map(|([x, y], [length, width])| {
+            format!(
+                "[[obstacle]]\nbox_m = [{length}, {width}, 0.3]\nat_m = [{x}, {y}, 0.15]\n\
+                 margin_m = 0\n"
+            )
+        });
+        let text: String = boxes.collect();
+        let terrain = rollwalk_multibody::ground::file::from_toml("test.toml", &text).unwrap();
+        Ways::new(&body, 3.0, &terrain.obstacles, &Rotation2::identity())
+    }
+
+    #[test]
+    fn a_free_way_has_no_detour() {
+        assert!(ways(&[([1.0, 0.5], [0.2, 0.2])]).round().is_empty());
+        assert!(ways(&[([4.0, 0.0], [0.2, 0.2])]).round().is_empty());
+    }
+
+    #[test]
+    fn the_shorter_side_comes_first() {
+        let found = ways(&[([1.5, 0.05], [0.2, 0.2])]).round();
+        let offsets: Vec<f64> = found.iter().map(|detour| detour.at(1.5).0).collect();
+        // The box is 0.15 m on the left and 0.05 m on the right; the robot is 0.1 m wide, with a slack of 15 mm.
+        assert!(
+            (offsets[0] + 0.165).abs() < 1e-12 && (offsets[1] - 0.265).abs() < 1e-12,
+            "{offsets:?}"
+        );
+        let (start, end) = (found[0].at(0.0), found[0].at(3.0));
+        assert_eq!([start, end], [(0.0, 0.0); 2]);
+    }
+
+    #[test]
+    fn a_slalom_alternates_and_a_wall_with_a_gap_is_passed_in_its_gap() {
+        let found = ways(&[([1.0, 0.12], [0.1, 0.2]), ([2.0, -0.12], [0.1, 0.2])]).round();
+        assert!(found[0].at(1.0).0 < 0.0 && found[0].at(2.0).0 > 0.0);
+        let wall = ways(&[([1.5, 0.9], [0.1, 1.0]), ([1.5, -1.0], [0.1, 2.2])]).round();
+        // The gap is from 0.1 to 0.4 m.
+        let offset_m = wall[0].at(1.5).0;
+        assert!((0.215..=0.285).contains(&offset_m), "{offset_m}");
+    }
+
+    #[test]
+    fn an_offset_changes_smoothly() {
+        let found = ways(&[([1.5, 0.0], [0.2, 0.2])]).round();
+        for k in 1..300 {
+            let (along_m, step_m) = (0.01 * f64::from(k), 1e-5);
+            let [before, here, after] = [-step_m, 0.0, step_m].map(|by| found[0].at(along_m + by));
+            let slope = (after.0 - before.0) / (2.0 * step_m);
+            assert!((slope - here.1).abs() < 1e-3, "{along_m}: {slope}, {here:?}");
+        }
+    }
+}
