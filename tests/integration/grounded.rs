@@ -55,7 +55,7 @@ fn a_robot_goes_round_an_obstacle_that_it_would_hit() {
     desk.write("drive.toml", &drive);
     desk.make(&["plan", "drive.toml", "-o", "drive.json"]);
     desk.run(&["simulate", "drive.json", "--terrain", "crate.toml"])
-        .succeeds_with(3, &["does not hold in simulation: `", "touches obstacle `crate` after 0."]);
+        .succeeds_with(3, &["does not hold in simulation: `", "touches obstacle `crate` after 2."]);
     desk.write("round.toml", format!("terrain = \"crate.toml\"\n{drive}"));
     let said = desk.run(&["plan", "round.toml", "-o", "round.json"]).succeeds();
     assert!(

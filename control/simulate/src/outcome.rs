@@ -71,9 +71,9 @@ impl RunOutcome {
 
     /// Reason why the motion does not pass; `None` if it passes.
     ///
-    /// A motion passes if the robot does not fall, touches no obstacle, covers the planned displacement, and does not change too much between
-    /// periods. The displacement is checked for the mean of all periods after the first one, and for the mean of the final
-    /// periods.
+    /// A motion passes if the robot does not fall, touches no obstacle, covers the planned displacement, and does not change too
+    /// much between periods. The displacement is checked for the mean of all periods after the first one, and for the mean of
+    /// the final periods.
     pub fn miss(&self) -> Option<MotionFailure> {
         if let Some(at_s) = self.fell_at_s {
             return Some(MotionFailure::Falls { at_s });

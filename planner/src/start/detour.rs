@@ -91,9 +91,9 @@ pub(crate) fn detours(robot: &Robot, motion: &Motion) -> Vec<Detour> {
     aside.into_iter().map(|aside| Detour { aside, duck: duck.clone() }).collect()
 }
 
-/// Place at which an offset is needed.
+/// Part of the way on which an offset is needed.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct Passage {
     /// Distances along the way from which and to which the robot is beside or below an obstacle, m.
     range_m: [f64; 2],
     /// Distance of the middle of the obstacle, within the way, m.
@@ -101,20 +101,20 @@ struct Place {
     offset_m: f64,
 }
 
-impl Place {
+impl Passage {
     fn new(range_m: [f64; 2], offset_m: f64, length_m: f64) -> Self {
         let middle_m = (0.5 * (range_m[0] + range_m[1])).clamp(0.0, length_m);
         Self { range_m, middle_m, offset_m }
     }
 }
 
-/// Offsets at places in ascending order. Where two are too near to each other for a steady change, the robot is at its offset
+/// Offsets at passages in ascending order. Where two are too near to each other for a steady change, the robot is at its offset
 /// only beside the middle of each.
-fn through(mut places: Vec<Place>, length_m: f64) -> Offsets {
-    places.insert(0, Place::new([0.0; 2], 0.0, length_m));
-    places.push(Place::new([length_m; 2], 0.0, length_m));
-    for next in 1..places.len() {
-        let [before, after] = &mut places[next - 1..=next] else { unreachable!("two places") };
+fn through(mut passages: Vec<Passage>, length_m: f64) -> Offsets {
+    passages.insert(0, Passage::new([0.0; 2], 0.0, length_m));
+    passages.push(Passage::new([length_m; 2], 0.0, length_m));
+    for next in 1..passages.len() {
+        let [before, after] = &mut passages[next - 1..=next] else { unreachable!("two passages") };
         let need_m = RAMP * (after.offset_m - before.offset_m).abs();
         let lacks_m = need_m - (after.range_m[0] - before.range_m[1]);
         if lacks_m > 0.0 {
@@ -122,9 +122,10 @@ fn through(mut places: Vec<Place>, length_m: f64) -> Offsets {
             after.range_m[0] = (before.range_m[1] + need_m).min(after.middle_m);
         }
     }
-    let corners = places.iter().flat_map(|place| {
-        let [from_m, to_m] = place.range_m;
-        [from_m.min(place.middle_m), to_m.max(place.middle_m)].map(|at_m| [at_m, place.offset_m])
+    let corners = passages.iter().flat_map(|passage| {
+        let [from_m, to_m] = passage.range_m;
+        [from_m.min(passage.middle_m), to_m.max(passage.middle_m)]
+            .map(|at_m| [at_m, passage.offset_m])
     });
     let mut corners: Vec<_> = corners.collect();
     corners.dedup_by(|next, before| next[0] <= before[0]);
@@ -163,13 +164,13 @@ fn ducks(
     let above = obstacles.iter().map(|obstacle| enlarged(obstacle, body, way_from_world));
     let above = above.filter(|of| (DUCK * head_m..head_m).contains(&of.height_m[0]));
     let above = above.filter(|of| in_way(of, length_m));
-    let mut places: Vec<Place> =
-        above.map(|of| Place::new(of.along_m, head_m - of.height_m[0], length_m)).collect();
-    if places.is_empty() {
+    let mut passages: Vec<Passage> =
+        above.map(|of| Passage::new(of.along_m, head_m - of.height_m[0], length_m)).collect();
+    if passages.is_empty() {
         return Offsets::default();
     }
-    places.sort_by(|one, other| one.middle_m.total_cmp(&other.middle_m));
-    through(places, length_m)
+    passages.sort_by(|one, other| one.middle_m.total_cmp(&other.middle_m));
+    through(passages, length_m)
 }
 
 /// Extent of the standing robot about its base.
@@ -266,9 +267,9 @@ impl Ways {
     /// Way with these offsets at the obstacles.
     fn through(&self, offsets_m: &[f64]) -> Offsets {
         let beside = self.blocking.iter().zip(offsets_m);
-        let places =
-            beside.map(|(range_m, offset_m)| Place::new(*range_m, *offset_m, self.length_m));
-        through(places.collect(), self.length_m)
+        let passages =
+            beside.map(|(range_m, offset_m)| Passage::new(*range_m, *offset_m, self.length_m));
+        through(passages.collect(), self.length_m)
     }
 }
 

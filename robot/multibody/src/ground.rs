@@ -16,6 +16,8 @@ mod spline;
 mod terrain;
 
 use nalgebra::{Matrix3, Vector3};
+use std::any::Any;
+use std::fmt::Debug;
 use std::sync::Arc;
 
 pub use contour::{Contour, Filter};
@@ -23,7 +25,7 @@ pub use elevation::Elevation;
 pub use elevation_map::ElevationMap;
 pub use file::Terrain;
 pub use grid::Grid;
-pub use obstacle::Furnished;
+pub use obstacle::{Furnished, floor_of};
 pub use rotated::RotatedGround;
 pub use shapes::{Capsule, Cuboid, Plane, Rounded, Sphere, Union};
 pub use spline::FieldError;
@@ -63,7 +65,7 @@ impl Surface {
 }
 
 /// Immovable solid.
-pub trait Ground: std::fmt::Debug + Send + Sync {
+pub trait Ground: Any + Debug + Send + Sync {
     /// Evaluates the ground at a point in world axes, m.
     fn at(&self, point: &Vector3<f64>) -> Surface;
 
@@ -78,16 +80,6 @@ pub trait Ground: std::fmt::Debug + Send + Sync {
     fn parts(&self) -> Vec<Arc<dyn Ground>> {
         Vec::new()
     }
-
-    /// Returns the ground with its obstacles, if it has any.
-    fn furnished(&self) -> Option<&Furnished> {
-        None
-    }
-}
-
-/// Ground below a robot, without obstacles.
-pub fn floor_of(ground: &Arc<dyn Ground>) -> Arc<dyn Ground> {
-    ground.furnished().map_or_else(|| Arc::clone(ground), |all| Arc::clone(all.floor()))
 }
 
 /// Parts of a ground, or the ground itself if it is a single part.

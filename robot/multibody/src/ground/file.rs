@@ -1,8 +1,9 @@
 //! Terrain files: TOML files that describe ground and obstacles (docs/terrain-files.md).
 
 use super::obstacle::Obstacle;
+use super::obstacle_file::{self, FAR_M};
 use super::terrain::CORNER_MIN_M;
-use super::{Furnished, Ground, HeightField, Plane, Profile, RotatedGround, obstacle_file};
+use super::{Furnished, Ground, HeightField, Plane, Profile, RotatedGround};
 use rollwalk_robot::document::{Document, DocumentError, Table, alternatives};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -15,8 +16,6 @@ const CORNERS_MAX: usize = 200;
 const STAIRS_MAX: u32 = 100;
 /// Maximum number of heights in a field.
 const HEIGHTS_MAX: usize = 250_000;
-/// Maximum distance of a coordinate from the origin, m.
-pub(super) const FAR_M: f64 = 1000.0;
 
 /// Maximum absolute height of the ground, m.
 const HEIGHT_MAX_M: f64 = 10.0;

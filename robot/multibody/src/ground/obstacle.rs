@@ -10,6 +10,7 @@ use crate::{Frames, Tree};
 use nalgebra::{Isometry3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
 use rollwalk_robot::shape::Shape;
 use rollwalk_robot::{EndEffector, Robot};
+use std::any::Any;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -140,6 +141,12 @@ impl Furnished {
         Self { floor, obstacles, all: Union { parts } }
     }
 
+    /// Returns the ground as one with obstacles, if it has any.
+    pub fn of(ground: &dyn Ground) -> Option<&Self> {
+        let any: &dyn Any = ground;
+        any.downcast_ref()
+    }
+
     /// Ground below a robot, without obstacles.
     pub fn floor(&self) -> &Arc<dyn Ground> {
         &self.floor
@@ -151,6 +158,12 @@ impl Furnished {
     }
 }
 
+/// Ground below a robot, without obstacles.
+pub fn floor_of(ground: &Arc<dyn Ground>) -> Arc<dyn Ground> {
+    let floor = Furnished::of(ground.as_ref()).map(Furnished::floor);
+    Arc::clone(floor.unwrap_or(ground))
+}
+
 impl Ground for Furnished {
     fn is_distance(&self) -> bool {
         self.all.is_distance()
@@ -158,10 +171,6 @@ impl Ground for Furnished {
 
     fn parts(&self) -> Vec<Arc<dyn Ground>> {
         self.all.parts()
-    }
-
-    fn furnished(&self) -> Option<&Furnished> {
-        Some(self)
     }
 
     fn at(&self, point: &Vector3<f64>) -> Surface {

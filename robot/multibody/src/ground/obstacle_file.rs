@@ -1,6 +1,5 @@
 //! Obstacles in terrain files: tables `[[obstacle]]`, each a box or a capsule.
 
-use super::file::FAR_M;
 use super::obstacle::{Obstacle, ObstacleShape};
 use super::{Capsule, Cuboid};
 use nalgebra::{Isometry3, Vector3};
@@ -10,6 +9,8 @@ use rollwalk_robot::document::Table;
 pub(super) const KEY: &str = "obstacle";
 /// Maximum number of obstacles.
 const OBSTACLES_MAX: usize = 64;
+/// Maximum distance of a coordinate from the origin, m.
+pub(super) const FAR_M: f64 = 1000.0;
 /// Default margin, m.
 const MARGIN_M: f64 = 0.02;
 /// Minimum length of an edge, and minimum radius, m.
@@ -129,7 +130,11 @@ mod tests {
                 "`radius_m`",
             ),
             ("box_m = [1, 1, 1]\nat_m = [0, 0, 0]\nmargin_m = -1", "`margin_m` is -1", "0 to 1 m"),
-            ("box_m = [1, 1, 1]\nat_m = [0, 0, 0]\nsize = 2", "unknown key `size`", "`heading_deg`"),
+            (
+                "box_m = [1, 1, 1]\nat_m = [0, 0, 0]\nsize = 2",
+                "unknown key `size`",
+                "`heading_deg`",
+            ),
         ];
         for (text, message, help) in faults {
             let error = from_toml("test.toml", &format!("[[obstacle]]\n{text}")).unwrap_err();
