@@ -15,6 +15,9 @@ use rollwalk_protocol::wire::{
 /// given up is not executed later.
 const COMMAND_SENDS: u32 = 9;
 const _: () = assert!(ACK_TIMEOUT_US * COMMAND_SENDS as u64 > COMMAND_LIFE_US);
+/// Growth of the retransmission interval of a request that erases memory. Erasing a sector of flash takes up to some seconds, in
+/// which the controller answers nothing; [`COMMAND_SENDS`] transmissions last half a minute.
+const ERASING_GROWTH: u64 = 2;
 /// Longest wait for a status that contains the reason of a refusal, µs.
 const STATUS_US: u64 = 200_000;
 /// Longest wait for an authenticated session, µs: 20 requests.
@@ -147,10 +150,11 @@ impl<B: LinkBus> Exchange<B> {
     ) -> Result<f32, SessionError> {
         for _ in 0..SEQUENCE_TRIES {
             let request = self.client.parameter(action);
-            let mut answer = None;
+            let (mut answer, mut timeout_us) = (None, ACK_TIMEOUT_US);
+            let growth = if action == ParameterAction::Save { ERASING_GROWTH } else { 1 };
             for _ in 0..COMMAND_SENDS {
                 self.client.send_parameter(request);
-                answer = self.pump(ACK_TIMEOUT_US, |incoming| match incoming {
+                answer = self.pump(timeout_us, |incoming| match incoming {
                     Incoming::Parameter(ack) => {
                         ((ack.seq, ack.kind) == (request.seq, action.kind())).then_some(ack)
                     }
@@ -159,6 +163,7 @@ impl<B: LinkBus> Exchange<B> {
                 if answer.is_some() {
                     break;
                 }
+                timeout_us *= growth;
             }
             let ParameterAck { result, value, .. } = answer.ok_or(self.silent(what))?;
             match result {

@@ -4,7 +4,10 @@ use super::*;
 use rollwalk_bus::link::LinkError;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::{FaultBits, Severity};
-use rollwalk_protocol::wire::{CommandAck, EstopAck, Heartbeat, HeartbeatReply, ToController};
+use rollwalk_protocol::wire::{
+    CommandAck, EstopAck, Heartbeat, HeartbeatReply, ParameterAck, ParameterAction,
+    ParameterResult, ToController,
+};
 use std::collections::VecDeque;
 
 /// Function that returns the answer to a sent frame, if any.
@@ -275,4 +278,28 @@ fn a_command_that_was_late_is_sent_once_more() {
         _ => None,
     });
     assert_eq!(commands.collect::<Vec<_>>(), [1, 2, 3]);
+}
+
+/// Bus on which a controller acknowledges SAVE after `erasing_us`.
+fn saving(erasing_us: u64) -> Wire {
+    let mut wire = Wire::silent();
+    let (kind, result) = (ParameterAction::Save.kind(), ParameterResult::Ok);
+    let ack = ParameterAck { seq: 1, kind, result, parameter: 0, channel: None, value: 0.0 };
+    wire.schedule_frame(erasing_us, ack.encode(node()));
+    wire
+}
+
+/// The slowest sectors of microcontrollers take 4 s to erase, and a computer synchronises a file in up to 20 s while its disk is
+/// busy.
+#[test]
+fn a_memory_that_takes_seconds_to_erase_is_waited_for() {
+    for erasing_us in [1_000, 4_000_000, 20_000_000] {
+        let mut exchange = Exchange::new(saving(erasing_us), node(), Client::visitor(node()));
+        assert_eq!(exchange.parameter("save", ParameterAction::Save), Ok(0.0));
+        assert_eq!(exchange.bus.now_us(), erasing_us);
+    }
+    // Other requests do not erase.
+    let mut exchange = Exchange::new(saving(4_000_000), node(), Client::visitor(node()));
+    exchange.parameter("reset", ParameterAction::Reset).unwrap_err();
+    assert_eq!(exchange.bus.now_us(), 540_000);
 }
