@@ -376,7 +376,7 @@ fn run_controller(
     actuators: &[BusName],
     kept: StoredFlash,
 ) -> miette::Result<()> {
-    // Motors that wait for their set-points also wait if the computer is busy.
+    // The drives' watchdogs stop motors whose set-points are late.
     priority::raise();
     let (mut core, memory) = core(robot, keys, kept)?;
     let period = Duration::from_secs(1) / u32::from(Settings::default().control_hz);
@@ -436,6 +436,8 @@ fn simulate_motors(
     lost: &mut LostBuses<'_>,
     world_log: Option<WorldLog>,
 ) -> miette::Result<()> {
+    // The controller has this priority and takes drives that answer 0.1 s late for lost.
+    priority::raise();
     let mut printer = ground::Printer::default();
     let mut goes_on = |body: &Body| {
         if let Some(ground) = body.ground() {

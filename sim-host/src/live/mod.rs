@@ -9,6 +9,7 @@
 //!
 //! The computer's clock is read here and nowhere else in this crate.
 
+mod clock;
 pub mod controller;
 pub mod motors;
 pub mod whole;

@@ -1,7 +1,7 @@
 //! Whole simulated robot in real time, of which only the link leaves the process.
 
+use super::clock::Clock;
 use super::{FrameQueue, Reopen, RobotBus};
-use crate::clock::SimTime;
 use crate::interface::{Interface, LogEntry};
 use crate::rig::Rig;
 use rollwalk_bus::link::{LinkBus, LinkError};
@@ -10,30 +10,10 @@ use std::time::{Duration, Instant};
 
 /// Maximum lag of the simulation behind real time while no frame arrives.
 const STEP: Duration = Duration::from_millis(1);
-/// Maximum lag that the simulation catches up with, µs. If the computer is busy for longer, the robot's time stops as well.
-/// Otherwise the robot would time out its host before it reads the frames that the host sent meanwhile.
-const MOST_LAG_US: u64 = 20_000;
 
 /// Maximum number of the host's frames that wait for the link. On a busy bus a host has to wait, but loses no frame. A host
 /// sends up to ten set-points for each of 64 channels at once.
 const MOST_INWARD: usize = 1024;
-
-/// Time of the robot, which follows the computer's.
-struct Clock {
-    now_us: u64,
-    /// Time of the computer since the start, µs.
-    elapsed_us: u64,
-}
-
-impl Clock {
-    /// Time of the robot when the computer's clock shows `elapsed_us` since the start.
-    fn now_us(&mut self, elapsed_us: u64) -> u64 {
-        let since_us = elapsed_us.saturating_sub(self.elapsed_us);
-        self.elapsed_us = elapsed_us;
-        self.now_us += since_us.min(MOST_LAG_US);
-        self.now_us
-    }
-}
 
 /// Runs the robot until `goes_on` returns `false`. `goes_on` is called at least once a millisecond, with the frames of all
 /// buses since the previous call.
@@ -46,20 +26,19 @@ pub fn run(
     keeper: &mut dyn Reopen,
     mut goes_on: impl FnMut(&mut Rig, &[LogEntry]) -> bool,
 ) -> Result<(), LinkError> {
-    let start = Instant::now();
-    let mut clock = Clock { now_us: rig.now_us(), elapsed_us: 0 };
+    let mut clock = Clock::new(rig.now(), Instant::now());
     let (mut hub, mut link) = (Hub::new([port]), RobotBus::new(Interface::Link, 0));
     // Frames that wait, by direction, because the next bus has no room for them.
     let (mut inward, mut outward) = (FrameQueue::default(), FrameQueue::default());
     loop {
-        let now_us = clock.now_us(start.elapsed().as_micros() as u64);
-        rig.run_until(SimTime::from_us(now_us));
+        let now = clock.read(Instant::now());
+        rig.run_until(now);
         while let Some(frame) = inward.0.front()
             && rig.send(frame).is_ok()
         {
             inward.0.pop_front();
         }
-        while let Some(frame) = rig.receive(now_us)? {
+        while let Some(frame) = rig.receive(now.as_us())? {
             outward.push(frame);
         }
         if !link.is_there(&mut hub, keeper) {
@@ -104,15 +83,5 @@ mod tests {
             }
         }
         assert_eq!(inward.0.len(), 10 * MAX_CHANNELS);
-    }
-
-    #[test]
-    fn a_computer_that_stands_still_halts_the_robot() {
-        let mut clock = Clock { now_us: 5_000, elapsed_us: 0 };
-        assert_eq!(clock.now_us(1_000), 6_000);
-        assert_eq!(clock.now_us(20_000), 25_000);
-        // Two seconds without a poll.
-        assert_eq!(clock.now_us(2_020_000), 25_000 + MOST_LAG_US);
-        assert_eq!(clock.now_us(2_021_000), 26_000 + MOST_LAG_US);
     }
 }
