@@ -9,7 +9,7 @@ use std::time::Instant;
 
 /// Name of the end-to-end tests, which run longest and wait most.
 const END_TO_END: &str = "integration";
-/// Filter for end-to-end tests whose simulated robots have real-time deadlines. Programs that run in parallel would make them
+/// Filter for tests whose simulated robots have real-time deadlines. Programs that run in parallel would make them
 /// miss the deadlines.
 const REAL_TIME: &str = "::in_real_time_";
 /// Number of parallel real-time tests. With three of them on two cores, set-point streams arrive late and the tests are
@@ -54,14 +54,17 @@ pub fn modules(programs: &[&Program], modules: &[String]) -> Result<(), String> 
     Ok(())
 }
 
-/// Runs the tests with real-time deadlines, with no other program in parallel.
+/// Runs the tests with real-time deadlines of all programs, with no other program in parallel.
 ///
 /// # Errors
-/// Returns the output of the failed tests, or an error if there are no such tests.
-pub fn in_real_time(programs: &[Program]) -> Result<(), String> {
-    let is_end_to_end = |program: &&Program| program.is_test && program.name == END_TO_END;
-    let mut found = programs.iter().filter(is_end_to_end);
-    let program = found.find(|program| program.folder.ends_with("tests"));
-    let program = program.ok_or("cargo built no end-to-end tests")?;
-    shell::run(&mut program.tests(&[REAL_TIME, REAL_TIME_THREADS])?)
+/// Returns the programs with failed tests, or an error if there are no such tests.
+pub fn in_real_time(programs: &[&Program]) -> Result<(), String> {
+    let tests =
+        programs.iter().filter_map(|program| program.tests(&[REAL_TIME, REAL_TIME_THREADS]).ok());
+    let outcomes: Vec<_> = tests.map(|mut tests| shell::run(&mut tests)).collect();
+    if outcomes.is_empty() {
+        return Err(format!("no program has tests for `{REAL_TIME}`"));
+    }
+    let failures: Vec<_> = outcomes.into_iter().filter_map(Result::err).collect();
+    if failures.is_empty() { Ok(()) } else { Err(failures.join("\n\n")) }
 }

@@ -7,14 +7,17 @@ use rollwalk_firmware::Settings;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::State;
 use rollwalk_sim_host::body::Body;
+use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::core::LocalController;
 use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::live::{Reopen, controller, motors};
+use rollwalk_sim_host::rig::Observer;
 use rollwalk_sim_host::servo::Servo;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 struct TestOutlet(Sender<Frame>);
 
@@ -60,11 +63,23 @@ impl Reopen for NoReopening {
     }
 }
 
+/// Time of the latest step of the motors, µs.
+struct MotorTime(Arc<AtomicU64>);
+
+impl Observer for MotorTime {
+    fn on_motor_step(&mut self, at: SimTime, _body: &Body) {
+        self.0.store(at.as_us(), Ordering::SeqCst);
+    }
+}
+
 #[test]
 fn in_real_time_a_controller_that_ends_switches_torque_off() {
     let ([link, host], [hip, hip_motors], [knee, knee_motors]) = (bus(), bus(), bus());
     let (leaves, ends, driving) =
         (AtomicBool::new(false), AtomicBool::new(false), AtomicUsize::new(0));
+    // The motors' time is not that of a busy computer.
+    let mut clock = MotorTime(Arc::default());
+    let motor_us = Arc::clone(&clock.0);
     thread::scope(|scope| {
         scope.spawn(|| {
             let mut body = Body::new(&robot::robot());
@@ -72,7 +87,7 @@ fn in_real_time_a_controller_that_ends_switches_torque_off() {
                 &mut body,
                 vec![hip_motors, knee_motors],
                 &mut NoReopening,
-                &mut (),
+                &mut clock,
                 |body| {
                     let count =
                         body.servos().iter().filter(|servo| Servo::is_driving(servo)).count();
@@ -99,7 +114,12 @@ fn in_real_time_a_controller_that_ends_switches_torque_off() {
         let armed = driving.load(Ordering::SeqCst);
         leaves.store(true, Ordering::SeqCst);
         controller.join().unwrap();
-        thread::sleep(Duration::from_millis(50));
+        let until_us = motor_us.load(Ordering::SeqCst) + 50_000;
+        let start = Instant::now();
+        while motor_us.load(Ordering::SeqCst) < until_us {
+            assert!(start.elapsed() < Duration::from_secs(60), "the motors make no step");
+            thread::sleep(Duration::from_millis(1));
+        }
         ends.store(true, Ordering::SeqCst);
         assert_eq!((armed, driving.load(Ordering::SeqCst)), (3, 0), "driving before and after");
     });

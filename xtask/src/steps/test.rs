@@ -140,12 +140,12 @@ impl Step for TestStep {
                 let built = workspace::programs()?;
                 let tests: Vec<_> = built.iter().filter(|program| program.is_test).collect();
                 // Compiling an example keeps one core busy; the other is free.
-                let (examples, tests) = thread::scope(|scope| {
+                let (examples, beside) = thread::scope(|scope| {
                     let examples = scope.spawn(workspace::documented_examples);
-                    let tests = programs::beside_each_other(&tests);
-                    (examples.join().expect("it runs a command"), tests)
+                    let beside = programs::beside_each_other(&tests);
+                    (examples.join().expect("it runs a command"), beside)
                 });
-                let failures: Vec<_> = [tests, examples, programs::in_real_time(&built)]
+                let failures: Vec<_> = [beside, examples, programs::in_real_time(&tests)]
                     .into_iter()
                     .filter_map(Result::err)
                     .collect();
