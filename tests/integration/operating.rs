@@ -212,7 +212,7 @@ fn a_bus_that_is_lost_while_a_monitor_listens_is_5() {
     let mut robot = Robot::with(&desk, &bus, &[]);
     let mut monitor = command_on(&desk, &bus, &["monitor", "--for", "60"]);
     let monitor = Program::start(monitor.stdout(Stdio::piped()).stderr(Stdio::piped()));
-    sleep(Duration::from_millis(1500));
+    monitor.wait_for_words("disarmed");
     robot.stop();
     let outcome = monitor.ends();
     assert_eq!(outcome.code, 5, "{}", outcome.stderr);

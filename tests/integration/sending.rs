@@ -10,8 +10,6 @@ use rollwalk_tests::{Desk, Outcome};
 use std::fs;
 use std::os::unix::net::UnixListener;
 use std::process::Stdio;
-use std::thread::sleep;
-use std::time::Duration;
 
 /// Starts a robot with a library, on a socket of this computer.
 fn robot(desk: &Desk) -> (Robot, String) {
@@ -185,6 +183,8 @@ fn a_controller_that_does_not_answer_is_5_and_ctrl_c_is_130() {
 #[test]
 fn in_real_time_what_another_program_paused_does_not_move_because_time_ran_out() {
     let desk = desk_with_library_file();
+    // The other program may take seconds to start.
+    desk.edit("rest.toml", "duration_s = 0.6", "duration_s = 6.0");
     let (_robot, bus) = robot(&desk);
     let mut link = listener(&desk);
     let send = start(&desk, &bus, &["send", "--arm", "rest:1"]);
@@ -192,7 +192,7 @@ fn in_real_time_what_another_program_paused_does_not_move_because_time_ran_out()
     on(&desk, &bus, &["pause"]).succeeds();
     wait_for(&mut link, State::Paused);
     // Longer than the duration of the motion.
-    let until_us = link.now_us() + 3_000_000;
+    let until_us = link.now_us() + 8_000_000;
     while let Some(frame) = link.receive(until_us).expect("the robot is there") {
         if let Ok((_, FromController::Status(status))) = FromController::decode(&frame) {
             assert_eq!(status.state, State::Paused, "nobody let it go on");
@@ -241,15 +241,17 @@ fn after_a_killed_host_doctor_advises_to_wait_and_clear() {
 fn a_motion_that_never_begins_beside_a_host_is_5() {
     let desk = desk_with_library_file();
     desk.edit("rest.toml", "at_rest", "periodic");
+    // Starting two programs takes seconds on a busy computer.
+    desk.edit("rest.toml", "duration_s = 0.6", "duration_s = 15.0");
     let (_robot, bus) = robot(&desk);
     let mut link = listener(&desk);
     let host = start(&desk, &bus, &["send", "--arm", "rest:60"]);
     wait_for(&mut link, State::Playing);
+    // The motion would begin after the end of the loop's cycle.
+    let send = start(&desk, &bus, &["send", "stand"]);
+    send.wait_for_words("stand begins in");
     on(&desk, &bus, &["pause"]).succeeds();
     wait_for(&mut link, State::Paused);
-    // The motion would begin after the pause.
-    let send = start(&desk, &bus, &["send", "stand"]);
-    sleep(Duration::from_millis(1500));
     let _ = on(&desk, &bus, &["return"]);
     let outcome = send.ends();
     assert_eq!(outcome.code, 5, "{}", outcome.stderr);
@@ -264,8 +266,7 @@ fn a_robot_that_another_program_sends_home_stays_there() {
     desk.edit("rest.toml", "at_rest", "periodic");
     let (_robot, bus) = robot(&desk);
     let send = start(&desk, &bus, &["send", "--arm", "rest:60", "rest:60"]);
-    wait_for(&mut listener(&desk), State::Playing);
-    sleep(Duration::from_millis(1500));
+    send.wait_for_words("playing rest");
     // The robot may be disarmed before the answer arrives.
     let _ = on(&desk, &bus, &["return"]);
     let outcome = send.ends();
