@@ -285,6 +285,8 @@ struct View {
     /// Minimum and maximum world x and y of the ground, m.
     ground_m: [[f64; 2]; 2],
     terrain: Option<Terrain>,
+    /// Faces of the obstacles on the visible ground.
+    obstacles: Vec<[Vector3<f64>; 4]>,
 }
 
 impl View {
@@ -305,7 +307,9 @@ impl View {
         let unit = Camera { target_m: Vector3::zeros(), origin: [0.0; 2], px_per_m: 1.0 };
         let around = AROUND * extent_m;
         let facets = terrain.map(|terrain| terrain.facets(ground_m)).unwrap_or_default();
-        let surface = corners(ground_m).into_iter().chain(facets.into_iter().flatten());
+        let obstacles = terrain.map(|terrain| obstacles_on(terrain, ground_m)).unwrap_or_default();
+        let facets = facets.into_iter().chain(obstacles.iter().copied());
+        let surface = corners(ground_m).into_iter().chain(facets.flatten());
         let page: Vec<[f64; 2]> = surface.map(|p| unit.project(&p)).collect();
         let robot = points.iter().map(|p| unit.project(p));
         let [x, y] = [0, 1].map(|axis| {
@@ -322,7 +326,7 @@ impl View {
             HEADER_HEIGHT - px_per_m * y[0],
         ];
         let camera = Camera { target_m: Vector3::zeros(), origin, px_per_m };
-        Self { camera, height, ground_m, terrain: terrain.cloned() }
+        Self { camera, height, ground_m, terrain: terrain.cloned(), obstacles }
     }
 
     /// Draws the terrain, the parts furthest from the camera first. Steep parts are darker.
@@ -352,26 +356,18 @@ impl View {
     fn ground(&self) -> Group {
         match &self.terrain {
             None => self.level(),
-            Some(terrain) if terrain.shape == Shape::Level => self.obstacles(terrain, self.level()),
-            Some(terrain) => self.obstacles(terrain, self.terrain(terrain)),
+            Some(terrain) if terrain.shape == Shape::Level => self.obstacles(self.level()),
+            Some(terrain) => self.obstacles(self.terrain(terrain)),
         }
     }
 
     /// Draws the obstacles over the ground. They are transparent, because the robot is drawn over those nearer to the camera.
-    fn obstacles(&self, terrain: &Terrain, ground: Group) -> Group {
-        let visible = |corner: &Vector3<f64>| {
-            (0..2).all(|axis| {
-                let [low, high] = self.ground_m[axis];
-                (low..=high).contains(&corner[axis])
-            })
-        };
-        let facets = terrain.obstacles.iter().map(|obstacle| obstacle.shape.facets());
-        let seen = facets.filter(|facets| facets.iter().flatten().any(visible));
-        let face = |facet: [Vector3<f64>; 4]| {
+    fn obstacles(&self, ground: Group) -> Group {
+        let face = |facet: &[Vector3<f64>; 4]| {
             let face = closed_path(&facet.map(|corner| self.camera.project(&corner)));
             face.set("fill", "#f0b429").set("fill-opacity", 0.3).set("stroke", "#b4690e")
         };
-        seen.flatten().map(face).fold(ground, Group::add)
+        self.obstacles.iter().map(face).fold(ground, Group::add)
     }
 
     /// Draws level ground with lines at round distances.
@@ -405,6 +401,18 @@ impl View {
         }
         group
     }
+}
+
+/// Faces of the obstacles above a rectangle of the ground.
+fn obstacles_on(terrain: &Terrain, ground_m: [[f64; 2]; 2]) -> Vec<[Vector3<f64>; 4]> {
+    let is_above = |facets: &Vec<[Vector3<f64>; 4]>| {
+        (0..2).all(|axis| {
+            let [low, high] = bounds(facets.iter().flatten().map(|corner| corner[axis]));
+            low <= ground_m[axis][1] && high >= ground_m[axis][0]
+        })
+    };
+    let facets = terrain.obstacles.iter().map(|obstacle| obstacle.shape.facets());
+    facets.filter(is_above).flatten().collect()
 }
 
 fn corners([[x_min, x_max], [y_min, y_max]]: [[f64; 2]; 2]) -> [Vector3<f64>; 4] {
