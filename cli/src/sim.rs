@@ -48,8 +48,8 @@ use std::time::{Duration, Instant};
 ///
 /// The whole robot is on the ground: a hoist holds it until it plays, and lifts it again after 3 s without torque. The
 /// simulator prints the displacement of each motion, and falls. With --on stand the robot hangs on a stand instead, its body
-/// fixed and its wheels in the air. This is also the default for motors on buses of this computer (--actuators); with --on
-/// ground they are on the ground, and the hoist releases the robot when all motors have torque and hold their targets still.
+/// fixed and its wheels in the air. With --actuators, the default is the stand. With --actuators and --on ground, the hoist
+/// releases the robot when all motors have torque and hold their targets still.
 ///
 /// With --library FILE the simulated flash survives a restart: the simulator reads FILE at start, if it exists, and writes each
 /// library that a host flashes to FILE. Before it overwrites a library for the first time, it copies that library to another
@@ -111,8 +111,8 @@ struct Cli {
     rotation: RotationArgs,
     #[command(flatten)]
     live: LiveArgs,
-    /// File with a link key (`rollwalk keys new`): the controller accepts only hosts that have it. Its boots are counted in the
-    /// user's state folder, so that a recorded session is not accepted again.
+    /// File with a link key (`rollwalk keys new`): the controller accepts only hosts that have it. A file in
+    /// the user's state folder counts its boots, so that the controller does not accept a recorded session again.
     #[arg(long, value_name = "FILE")]
     link_key: Option<PathBuf>,
     /// File with a public key (`rollwalk keys new-pair`): the controller plays only libraries that were signed with the private

@@ -44,7 +44,7 @@ Examples:
   rollwalk doctor --system                            # is this computer ready?
   rollwalk doctor --bus sim --json | jq '.findings[] | select(.gravity == \"wrong\")'
 
-docs/faults.md has a page for every fault.")]
+docs/faults.md has a section for every fault.")]
 pub struct Args {
     #[command(flatten)]
     link: LinkArgs,

@@ -30,8 +30,8 @@ pub fn check_kinds(robot: &Robot, names: &[BusName]) -> miette::Result<()> {
                 false => ("a CAN bus", "can:can0"),
             };
             return Err(miette!(
-                help = format!("give a bus such as {right}"),
-                "bus {number} of {} is {is} ({speaks}), but {name} is not",
+                help = format!("give {is} with --actuators, such as {right}"),
+                "bus {number} of {} is {is} ({speaks}), which {name} is not",
                 robot.name
             ));
         }

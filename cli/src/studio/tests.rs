@@ -384,7 +384,7 @@ fn a_tab_does_not_overwrite_the_edits_that_another_one_keeps() {
     // The second tab has opened the edits of the first.
     assert_eq!([keep("3", "second", "first"), keep("4", "second", "first")], ["", ""]);
     let refused = keep("5", "first", "");
-    assert!(refused.contains("another tab keeps its own edits"), "{refused}");
+    assert!(refused.contains("another tab has unsaved edits"), "{refused}");
     assert_eq!(edits()["page"], "4");
     // A new start of the studio.
     assert_eq!(keep("6", "third", "second"), "");

@@ -120,7 +120,7 @@ for (const name of browsers) describe(`what rollwalk studio opens, in ${name}`, 
       await second.edit(() => second.type("Forward", "0.12"));
       await first.page.bringToFront();
       await first.edit(() => first.type("Forward", "0.13"));
-      await first.until(() => document.body.textContent.includes("another tab keeps its own edits of these files"));
+      await first.until(() => document.body.textContent.includes("another tab has unsaved edits of these files"));
       await second.page.bringToFront();
       await second.page.reload();
       await second.settled();

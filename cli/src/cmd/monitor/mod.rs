@@ -47,9 +47,9 @@ Examples:
   rollwalk monitor --bus sim --json | jq 'select(.message == \"fault\")'
 
 A log is in candump's format: canplayer replays it; docs/formats/decode_log.py and cantools decode it with
-docs/rollwalk.dbc. Foxglove opens the MCAP file: /joint_states has measured positions,
-/planned_joint_states, which takes --library, planned ones. Both are complete when the monitor
-ends, by Ctrl-C, SIGTERM or SIGHUP as well; killed otherwise it loses a second.")]
+docs/rollwalk.dbc. Foxglove opens the MCAP file: /joint_states has measured positions, and with
+--library /planned_joint_states has planned ones. Ctrl-C, SIGTERM and SIGHUP complete both files; a
+monitor that is killed otherwise loses a second.")]
 pub struct Args {
     #[command(flatten)]
     link: LinkArgs,

@@ -142,7 +142,7 @@ fn describe(plan: &Plan, outcome: &RunOutcome) -> String {
         );
     }
     if let Some(time_s) = outcome.stopped_at_s {
-        let _ = writeln!(text, "tracking failed, and the robot was stopped from {time_s:.2} s on");
+        let _ = writeln!(text, "tracking failed: the robot stopped at {time_s:.2} s");
     }
     let _ = match outcome.miss() {
         None => writeln!(text, "holds in simulation"),

@@ -83,7 +83,7 @@ impl Edits {
             |why: String| format!("edits cannot be kept in {}: {why}", self.place.display());
         let before = self.stored().map_or(String::new(), |kept| kept.by);
         if !before.is_empty() && before != by && before != from {
-            return Err("another tab keeps its own edits of these files: save your files in this \
+            return Err("another tab has unsaved edits of these files: save your files in this \
                         tab, or close the other tab and reload this tab"
                 .to_owned());
         }

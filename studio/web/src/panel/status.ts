@@ -124,7 +124,7 @@ function detailsOf(studio: Studio, kind: Kind, actions: StatusActions): (HTMLEle
     // Between samples, a plan may exceed a limit by the tolerance of its check, but the motor cannot.
     const over = peaks.filter(({ share }) => share > OVER).map(({ of, motor, share, time_s }) => {
       const text = `Needs ${percent(share)} of the ${of} of ${motor} at ${format(time_s, 2)} s`;
-      return h("li", {}, h("button", { type: "button", class: "culprit", title: "Move the time cursor there", text, onclick: () => actions.seek(time_s) }), h("span", { class: "advice", text: "Between the samples, within the tolerance of the check; the motor delivers at most 100 %. Use more samples, a longer duration or a shorter distance." }));
+      return h("li", {}, h("button", { type: "button", class: "culprit", title: "Move the time cursor there", text, onclick: () => actions.seek(time_s) }), h("span", { class: "advice", text: "The plan exceeds the limit between its samples by less than the tolerance, but the motor delivers at most 100 %. Use more samples, a longer duration or a shorter distance." }));
     });
     return [h("p", { class: "facts", text: factsOf(studio.shown!, peaks) }), over.length > 0 ? h("ul", { class: "culprits mild" }, ...over) : null, again];
   }

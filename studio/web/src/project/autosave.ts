@@ -66,7 +66,7 @@ async function store(studio: Studio, text: string) {
   }
   const before = localStorage.getItem(KEY_BY) ?? "";
   if (before !== "" && before !== tabs.by && before !== tabs.from) {
-    throw new Error("another tab keeps its own edits; download your files here, or close the other tab and reload this one");
+    throw new Error("another tab has unsaved edits; download your files here, or close the other tab and reload this one");
   }
   localStorage.setItem(KEY, text);
   localStorage.setItem(KEY_BY, tabs.by);
