@@ -1,17 +1,10 @@
 //! Newton matrix: blocks of bodies in compressed columns, and its solvers. Pattern and elimination order are computed once.
 //!
-//! The block LU (`block_lu.rs`) is several times as fast as an LU of single unknowns. A sparse LU with row exchanges solves the
-//! matrices that the block LU cannot.
+//! A dense LU with row exchanges solves the matrices that the block LU (`block_lu.rs`) cannot. Such matrices are rare: no step
+//! in the tests of this crate has one. The memory of the dense LU grows with the square of the number of unknowns.
 
 use crate::block_lu::BlockLu;
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::lu::partial_pivoting::factor::PartialPivLuParams;
-use faer::sparse::linalg::lu::{
-    LuRef, LuSymbolicParams, NumericLu, SymbolicLu, factorize_symbolic_lu,
-};
-use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
-use faer::{Conj, MatMut, Par, Spec};
-use nalgebra::{Matrix3, Matrix6, Vector3};
+use nalgebra::{DMatrix, DVectorViewMut, Dyn, Matrix3, Matrix6, PermutationSequence, Vector3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
@@ -31,23 +24,25 @@ pub(crate) struct Slot {
 
 /// Square matrix of blocks with a fixed pattern.
 pub(crate) struct BlockMatrix {
-    pattern: SymbolicSparseColMat<usize>,
+    /// Index of the first value of each column, followed by the number of values.
+    starts: Vec<usize>,
+    /// Row of each value.
+    rows: Vec<usize>,
     values: Vec<f64>,
     slots: BTreeMap<(usize, usize), Slot>,
-    /// Block LU, and the index of each slot in its values.
-    blocks: Option<(BlockLu, Vec<usize>)>,
-    /// LU with row exchanges, created on first use.
+    lu: BlockLu,
+    /// Index of the first value of each slot in the block LU.
+    begins: Vec<usize>,
+    /// LU with row exchanges, if the block LU is inaccurate.
     exchanging: Option<PivotedLu>,
-    /// True if the LU with row exchanges is in use.
-    exchanged: bool,
     solution: Vec<f64>,
 }
 
-/// LU with row exchanges.
+/// Dense LU with row exchanges.
 struct PivotedLu {
-    symbolic: SymbolicLu<usize>,
-    numeric: NumericLu<usize, f64>,
-    memory: MemBuffer,
+    exchanges: PermutationSequence<Dyn>,
+    lower: DMatrix<f64>,
+    upper: DMatrix<f64>,
 }
 
 impl fmt::Debug for BlockMatrix {
@@ -84,20 +79,10 @@ impl BlockMatrix {
         }
         let values = vec![0.0; rows.len()];
         let pairs: Vec<_> = slots.keys().copied().collect();
-        let blocks = BlockLu::plan(unknowns, &pairs).map(|lu| {
-            let begins = pairs.iter().map(|&(row, column)| lu.begin(row, column)).collect();
-            (lu, begins)
-        });
-        let pattern = SymbolicSparseColMat::new_checked(size, size, starts, None, rows);
-        Self {
-            pattern,
-            values,
-            slots,
-            blocks,
-            exchanging: None,
-            exchanged: false,
-            solution: vec![0.0; size],
-        }
+        let lu = BlockLu::plan(unknowns, &pairs);
+        let begins = pairs.iter().map(|&(row, column)| lu.begin(row, column)).collect();
+        let solution = vec![0.0; size];
+        Self { starts, rows, values, slots, lu, begins, exchanging: None, solution }
     }
 
     /// Sets all values to 0.
@@ -135,16 +120,15 @@ impl BlockMatrix {
         if !self.values.iter().all(|value| value.is_finite()) {
             return false;
         }
-        self.exchanged = !self.solve_blocks(side);
-        !self.exchanged || self.solve_exchanging(side)
+        self.exchanging = None;
+        self.solve_blocks(side) || self.solve_exchanging(side)
     }
 
     /// Solves another right-hand side in place, with the factors of the previous [`BlockMatrix::solve`].
-    pub fn solve_again(&mut self, side: &mut [f64]) {
-        match (&self.blocks, &mut self.exchanging) {
-            (_, Some(exchanging)) if self.exchanged => exchanging.solve(side),
-            (Some((lu, _)), _) => lu.solve(side),
-            _ => unreachable!("the matrix was solved before"),
+    pub fn solve_again(&self, side: &mut [f64]) {
+        match &self.exchanging {
+            Some(exchanging) => exchanging.solve(side),
+            None => self.lu.solve(side),
         }
     }
 
@@ -163,14 +147,14 @@ impl BlockMatrix {
 
     /// Solves `W` right-hand sides in place, with the previous factors. Each row contains the values of one unknown in all
     /// right-hand sides.
-    pub fn solve_lanes<const W: usize>(&mut self, sides: &mut [[f64; W]]) {
-        match &self.blocks {
-            Some((lu, _)) if !self.exchanged => lu.solve_lanes(sides),
-            _ => {
+    pub fn solve_lanes<const W: usize>(&self, sides: &mut [[f64; W]]) {
+        match &self.exchanging {
+            None => self.lu.solve_lanes(sides),
+            Some(exchanging) => {
                 let mut side = vec![0.0; sides.len()];
                 for lane in 0..W {
                     side.iter_mut().zip(&*sides).for_each(|(part, lanes)| *part = lanes[lane]);
-                    self.solve_again(&mut side);
+                    exchanging.solve(&mut side);
                     sides.iter_mut().zip(&side).for_each(|(lanes, part)| lanes[lane] = *part);
                 }
             }
@@ -178,30 +162,28 @@ impl BlockMatrix {
     }
 
     /// Solves one right-hand side in place with the transposed matrix and the previous factors.
-    pub fn solve_transposed(&mut self, side: &mut [f64]) {
-        match (&self.blocks, &mut self.exchanging) {
-            (_, Some(exchanging)) if self.exchanged => exchanging.solve_transposed(side),
-            (Some((lu, _)), _) => lu.solve_transposed(side),
-            _ => unreachable!("the matrix was factorised before"),
+    pub fn solve_transposed(&self, side: &mut [f64]) {
+        match &self.exchanging {
+            Some(exchanging) => exchanging.solve_transposed(side),
+            None => self.lu.solve_transposed(side),
         }
     }
 
     /// Solves with the block LU. Returns false and leaves the right-hand side unchanged if the solution is inaccurate.
     fn solve_blocks(&mut self, side: &mut [f64]) -> bool {
-        let Some((lu, begins)) = &mut self.blocks else { return false };
-        let values = lu.values();
+        let values = self.lu.values();
         values.fill(0.0);
-        for (slot, &begin) in self.slots.values().zip(begins.iter()) {
+        for (slot, &begin) in self.slots.values().zip(&self.begins) {
             for (column, &start) in slot.starts[..slot.columns].iter().enumerate() {
                 values[begin + column * slot.rows..][..slot.rows]
                     .copy_from_slice(&self.values[start..start + slot.rows]);
             }
         }
-        if !lu.factorise() {
+        if !self.lu.factorise() {
             return false;
         }
         self.solution.copy_from_slice(side);
-        lu.solve(&mut self.solution);
+        self.lu.solve(&mut self.solution);
         let exact = self.error(side) <= ERROR * norm(side);
         if exact {
             side.copy_from_slice(&self.solution);
@@ -212,59 +194,51 @@ impl BlockMatrix {
     /// Norm of the residual of the present solution.
     fn error(&self, side: &[f64]) -> f64 {
         let mut left = side.to_vec();
-        let columns = self.pattern.col_ptr().windows(2).zip(&self.solution);
-        for (ends, factor) in columns {
+        for (ends, factor) in self.starts.windows(2).zip(&self.solution) {
             let column = ends[0]..ends[1];
-            for (&row, value) in
-                self.pattern.row_idx()[column.clone()].iter().zip(&self.values[column])
-            {
+            for (&row, value) in self.rows[column.clone()].iter().zip(&self.values[column]) {
                 left[row] -= value * factor;
             }
         }
         norm(&left)
     }
 
+    /// Solves with row exchanges. Returns false if the matrix is singular.
     fn solve_exchanging(&mut self, side: &mut [f64]) -> bool {
-        let exchanging = self.exchanging.get_or_insert_with(|| {
-            let symbolic =
-                factorize_symbolic_lu(self.pattern.as_ref(), LuSymbolicParams::default());
-            let symbolic = symbolic.expect("there is memory");
-            let scratch = symbolic
-                .factorize_numeric_lu_scratch::<f64>(Par::Seq, Spec::default())
-                .or(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq))
-                .or(symbolic.solve_transpose_in_place_scratch::<f64>(1, Par::Seq));
-            let memory = MemBuffer::new(scratch);
-            PivotedLu { symbolic, numeric: NumericLu::new(), memory }
-        });
-        let PivotedLu { symbolic, numeric, memory } = exchanging;
-        let matrix = SparseColMatRef::new(self.pattern.as_ref(), &self.values);
-        let stack = MemStack::new(memory);
-        let params: Spec<PartialPivLuParams, f64> = Spec::default();
-        if symbolic.factorize_numeric_lu(numeric, matrix, Par::Seq, stack, params).is_err() {
-            return false;
+        let mut matrix = DMatrix::zeros(side.len(), side.len());
+        for (column, ends) in self.starts.windows(2).enumerate() {
+            for at in ends[0]..ends[1] {
+                matrix[(self.rows[at], column)] = self.values[at];
+            }
         }
-        exchanging.solve(side);
-        true
+        let (exchanges, lower, upper) = matrix.lu().unpack();
+        let regular = upper.diagonal().iter().all(|&pivot| pivot != 0.0);
+        if regular {
+            let exchanging = PivotedLu { exchanges, lower, upper };
+            exchanging.solve(side);
+            self.exchanging = Some(exchanging);
+        }
+        regular
     }
 }
 
 impl PivotedLu {
-    /// Solves in place with the previous factors.
-    fn solve(&mut self, side: &mut [f64]) {
+    /// Solves one right-hand side in place.
+    fn solve(&self, side: &mut [f64]) {
         let size = side.len();
-        let side = MatMut::from_column_major_slice_mut(side, size, 1);
-        let factors = LuRef::new_unchecked(&self.symbolic, &self.numeric);
-        let stack = MemStack::new(&mut self.memory);
-        factors.solve_in_place_with_conj(Conj::No, side, Par::Seq, stack);
+        let mut side = DVectorViewMut::from_slice(side, size);
+        self.exchanges.permute_rows(&mut side);
+        self.lower.solve_lower_triangular_mut(&mut side);
+        self.upper.solve_upper_triangular_mut(&mut side);
     }
 
-    /// Solves in place with the transposed matrix and the previous factors.
-    fn solve_transposed(&mut self, side: &mut [f64]) {
+    /// Solves one right-hand side in place with the transposed matrix.
+    fn solve_transposed(&self, side: &mut [f64]) {
         let size = side.len();
-        let side = MatMut::from_column_major_slice_mut(side, size, 1);
-        let factors = LuRef::new_unchecked(&self.symbolic, &self.numeric);
-        let stack = MemStack::new(&mut self.memory);
-        factors.solve_transpose_in_place_with_conj(Conj::No, side, Par::Seq, stack);
+        let mut side = DVectorViewMut::from_slice(side, size);
+        self.upper.tr_solve_upper_triangular_mut(&mut side);
+        self.lower.tr_solve_lower_triangular_mut(&mut side);
+        self.exchanges.inv_permute_rows(&mut side);
     }
 }
 
@@ -306,8 +280,9 @@ mod tests {
                 let residual = &dense * DVector::from_vec(found) - &side;
                 assert!(residual.norm() < 1e-10, "{}", residual.norm());
             }
-            for exchanged in [false, true] {
-                matrix.exchanged = exchanged;
+            for solve in solvers {
+                matrix.exchanging = None;
+                assert!(solve(&mut matrix, &mut [1.0; 21]));
                 let mut found: Vec<f64> = side.iter().copied().collect();
                 matrix.solve_transposed(&mut found);
                 let residual = dense.transpose() * DVector::from_vec(found) - &side;
