@@ -276,7 +276,7 @@ catalogue! {
     SwingClearance: "swing clearance", "terrain, half-way", M, Residual(0.001), Request,
         "a higher swing_height_m, or swings of more samples";
     ObstacleClearance: "obstacle clearance", "shapes", M, Residual(0.001), Limit,
-        "a wider gap, a longer way, a posture that fits below, or a smaller margin_m of the obstacle";
+        "a wider gap, a longer path, a posture that fits below, or a smaller margin_m of the obstacle";
 }
 
 impl Family {

@@ -59,7 +59,7 @@ fn a_robot_goes_round_an_obstacle_that_it_would_hit() {
     desk.write("round.toml", format!("terrain = \"crate.toml\"\n{drive}"));
     let said = desk.run(&["plan", "round.toml", "-o", "round.json"]).succeeds();
     assert!(
-        said.contains("from a way round obstacles") && said.contains("holds in simulation"),
+        said.contains("from a path round obstacles") && said.contains("holds in simulation"),
         "{said}"
     );
     desk.run(&["report", "round.json"]).succeeds_with(0, &["obstacle clearance"]);

@@ -366,7 +366,7 @@ fn beginning(solve: &SolveSummary, is_given: bool) -> String {
     let kind = match start.kind {
         StartKind::Standing => "standing",
         StartKind::Sinusoid => "a random swing",
-        StartKind::Detour => "a way round obstacles",
+        StartKind::Detour => "a path round obstacles",
         StartKind::Warm => "the warm start",
         StartKind::Coarse => "the plan with fewer samples",
         StartKind::Neighbour if !solve.refinements.is_empty() => {
