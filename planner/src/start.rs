@@ -38,7 +38,7 @@ pub enum Start {
     /// Standing, moved evenly towards the goal. With a seed other than 0, the joints swing slightly, so that different seeds
     /// give different starts.
     Standing,
-    /// Standing start, moved round obstacles. The argument counts the ways round them, the shortest first.
+    /// Standing start, moved round obstacles. The argument counts the paths round them, the shortest first.
     Detour(usize),
     /// Standing start with a smooth random swing of every joint.
     Sinusoid,
@@ -69,7 +69,7 @@ const SEED_STRIDE: u64 = 1000;
 ///   because it takes longest.
 /// - On free wheels and skates, whose strokes are hardly found otherwise, [`Start::Coarse`] precedes the first of these starts.
 ///   With many samples it is also the second candidate of other motions.
-/// - If obstacles are in the way, the ways round them precede all of these.
+/// - If obstacles are in the path, the paths round them precede all of these.
 pub(crate) fn in_order(
     robot: &Robot,
     motion: &Motion,

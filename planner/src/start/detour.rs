@@ -1,7 +1,7 @@
-//! Ways round the obstacles between the start and the goal of a motion.
+//! Paths round the obstacles between the start and the goal of a motion.
 //!
 //! A solve does not move a robot through an obstacle to its other side. A detour is a start on a chosen side: the body moves
-//! along an offset from the straight way, and faces along it, so that wheels roll. Below an obstacle at the height of its head,
+//! along an offset from the straight path, and faces along it, so that wheels roll. Below an obstacle at the height of its head,
 //! it ducks.
 
 use crate::motion::Motion;
@@ -14,12 +14,12 @@ use rollwalk_robot::Robot;
 const DETOURS_MAX: usize = 3;
 /// Fraction of the standing robot's height above which an obstacle is ducked under.
 const DUCK: f64 = 0.5;
-/// Length over which the offset changes, over its change.
+/// Ratio of the length over which the offset changes to its change.
 const RAMP: f64 = 1.5;
-/// Additional distance from obstacles, over the robot's half width: corners swing out as the robot turns.
+/// Ratio of the additional distance from obstacles to the robot's half width: corners swing out as the robot turns.
 const SLACK: f64 = 0.15;
 
-/// Offsets from the straight way over the distance along it.
+/// Offsets from the straight path, as functions of the distance along it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Detour {
     /// Offset to the left.
@@ -28,12 +28,12 @@ pub(crate) struct Detour {
     pub duck: Offsets,
 }
 
-/// Offset over the distance along a way: corners of a line, m. Without corners, the offset is 0.
+/// Offset as a function of the distance along a path: corners of a line, m. Without corners, the offset is 0.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Offsets(Vec<[f64; 2]>);
 
 impl Offsets {
-    /// Offset at a distance along the way, m, and its slope.
+    /// Offset at a distance along the path, m, and its slope.
     pub fn at(&self, along_m: f64) -> (f64, f64) {
         let after = self.0.iter().position(|[corner_m, _]| *corner_m > along_m);
         let Some(after) = after.filter(|after| *after > 0) else { return (0.0, 0.0) };
@@ -46,7 +46,7 @@ impl Offsets {
     }
 }
 
-/// Extent of something along and across a way, m.
+/// Extent of something along and across a path, m.
 #[derive(Clone, Copy, Debug)]
 struct Extent {
     along_m: [f64; 2],
@@ -55,7 +55,7 @@ struct Extent {
 }
 
 impl Extent {
-    /// Extent of points with a radius around them, in axes whose x axis points along the way.
+    /// Extent of points with a radius around them, in axes whose x axis points along the path.
     fn of(
         points: impl Iterator<Item = (Vector3<f64>, f64)>,
         way_from_world: &Rotation2<f64>,
@@ -73,7 +73,7 @@ impl Extent {
     }
 }
 
-/// Detours of a motion, the shortest first. Empty if the straight way is free.
+/// Detours of a motion, the shortest first. Empty if the straight path is free.
 pub(crate) fn detours(robot: &Robot, motion: &Motion) -> Vec<Detour> {
     let obstacles = motion.ground.obstacles();
     let goal =
@@ -91,12 +91,12 @@ pub(crate) fn detours(robot: &Robot, motion: &Motion) -> Vec<Detour> {
     aside.into_iter().map(|aside| Detour { aside, duck: duck.clone() }).collect()
 }
 
-/// Part of the way on which an offset is needed.
+/// Part of the path on which an offset is needed.
 #[derive(Clone, Copy, Debug)]
 struct Passage {
-    /// Distances along the way from which and to which the robot is beside or below an obstacle, m.
+    /// Distances along the path between which the robot is beside or below an obstacle, m.
     range_m: [f64; 2],
-    /// Distance of the middle of the obstacle, within the way, m.
+    /// Distance of the middle of the obstacle, within the path, m.
     middle_m: f64,
     offset_m: f64,
 }
@@ -187,7 +187,7 @@ fn standing(robot: &Robot, motion: &Motion, way_from_world: &Rotation2<f64>) -> 
 /// Places that the robot passes, with the offsets at which it can.
 struct Ways {
     length_m: f64,
-    /// Obstacles in the way, by distance, each with the distances between which the robot is beside it.
+    /// Obstacles in the path, by distance, each with the distances between which the robot is beside it.
     blocking: Vec<[f64; 2]>,
     /// Offsets at which the robot passes each of `blocking`, m.
     free_m: Vec<Vec<f64>>,
@@ -231,7 +231,7 @@ impl Ways {
         Self { length_m, blocking: blocking.iter().map(|of| of.along_m).collect(), free_m }
     }
 
-    /// Ways, the shortest first: one for each side of the first obstacle.
+    /// Paths, the shortest first: one for each side of the first obstacle.
     fn round(&self) -> Vec<Offsets> {
         let Some(first) = self.free_m.first() else { return Vec::new() };
         let mut found: Vec<(f64, Offsets)> =
@@ -241,7 +241,7 @@ impl Ways {
         found.into_iter().map(|(_, offsets)| offsets).collect()
     }
 
-    /// Shortest way that passes the first obstacle at an offset, and the sum of its offsets, m. `None` if an obstacle cannot
+    /// Shortest path that passes the first obstacle at an offset, and the sum of its offsets, m. `None` if an obstacle cannot
     /// be passed.
     fn shortest(&self, first_m: f64) -> Option<(f64, Offsets)> {
         // For each offset at the present obstacle: sum of changes so far, and the offsets until there.
@@ -264,7 +264,7 @@ impl Ways {
         Some((sum_m, self.through(&offsets)))
     }
 
-    /// Way with these offsets at the obstacles.
+    /// Path with these offsets at the obstacles.
     fn through(&self, offsets_m: &[f64]) -> Offsets {
         let beside = self.blocking.iter().zip(offsets_m);
         let passages =

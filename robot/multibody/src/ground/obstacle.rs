@@ -14,7 +14,7 @@ use std::any::Any;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// Half of a wheel's width over its radius.
+/// Ratio of half of a wheel's width to its radius.
 const WHEEL_HALF_WIDTH: f64 = 0.2;
 /// Number of sides of a drawn capsule.
 const SIDES: usize = 8;
