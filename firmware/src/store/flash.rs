@@ -5,6 +5,17 @@
 //! written.
 //!
 //! Every call takes a short time: a transfer erases each unit when it reaches it, not all of them at the beginning.
+//!
+//! | request | writes, in this order | erases at most |
+//! |---|---|---|
+//! | BEGIN | confirmation of the only library, if it is on trial; record: receiving; erasure of the slot's footers | 1 unit, 1 of the log |
+//! | BLOCK | erasure of a unit before its first byte; words; record `have` after each full unit and at the end | 1 unit, 1 of the log |
+//! | FINISH | nothing; if FINISH refuses the library, record: no candidate | 1 of the log |
+//! | ACTIVATE | record: trial, boots left | 1 of the log |
+//! | confirmation | footer; record: confirmed | 1 of the log |
+//! | start, on trial | record: boots left − 1, or no candidate | 1 of the log |
+//!
+//! The bound of BLOCK is for units of 512 bytes and more, and blocks that start at multiples of 512.
 
 use super::log::Log;
 use super::record::{Candidate, Footer, Image, RECORD_LEN, StoreState};
