@@ -309,7 +309,7 @@ def second_difference(before, here, after):
 
 def joint_torques(line, k):
     """Torque of every joint at state k. It balances ground forces, weight and inertia of all links beyond the joint,
-    and of its rotor. Accelerations are second differences, as means around the sample."""
+    and of its rotor, and its spring. Accelerations are second differences, as means around the sample."""
     robot, state, torques = line.robot, line.states[k], []
     gravity, per_h2 = line.formulation["gravity_m_s2"], line.mean_of_second_derivative(k)
     around = line.poses[k - 1], line.poses[k], line.poses[k + 1]
@@ -336,7 +336,10 @@ def joint_torques(line, k):
                 moment = sub(moment, cross(sub(e["position_m"], origin), e["force_n"]))
         angles = [line.states[n]["joint_rad"][index_of_joint] for n in (k - 1, k, k + 1)]
         rotor = joint["actuator"]["armature_kg_m2"] * (angles[0] - 2 * angles[1] + angles[2]) * per_h2
-        torques.append(dot(axis, moment) + rotor)
+        spring = joint.get("spring", {"stiffness_nm_rad": 0.0, "rest_rad": 0.0, "damping_nm_s_rad": 0.0})
+        stretch, speed = angles[1] - spring["rest_rad"], (angles[2] - angles[0]) / (2 * line.h)
+        held = spring["stiffness_nm_rad"] * stretch + spring["damping_nm_s_rad"] * speed
+        torques.append(dot(axis, moment) + rotor + held)
     return torques
 
 

@@ -251,6 +251,7 @@ mod tests {
             across: [across, across],
             armature_kg_m2: 0.0,
             stops: None,
+            spring: None,
             angle_rad: 0.0,
             law: Law::default(),
         };
@@ -297,6 +298,7 @@ mod tests {
                 across: [Vector3::x(), turn * Vector3::x()],
                 armature_kg_m2: 0.0,
                 stops: None,
+                spring: None,
                 angle_rad: 0.0,
                 law: Law::default(),
             }

@@ -4,7 +4,7 @@ use crate::force::{Derivative, Force, Kink, StateBlock, StickingFriction, View, 
 use crate::motion::BodyMotion;
 use nalgebra::{Matrix3, Matrix6x3, Vector3};
 use rollwalk_multibody::rotation::skew;
-use rollwalk_robot::{Actuator, TorqueSpeedLine};
+use rollwalk_robot::{Actuator, JointSpring, TorqueSpeedLine};
 use std::f64::consts::TAU;
 
 /// Ratio of stall torque to torque limit for an actuator without a torque-speed line. Such a motor has full torque up to 95 %
@@ -129,6 +129,8 @@ pub struct Motor {
     pub armature_kg_m2: f64,
     /// Mechanical stops; `None` for a hinge without stops.
     pub stops: Option<Stops>,
+    /// Spring and damper beside the motor.
+    pub spring: Option<JointSpring>,
     /// Angle at the end of the previous step, rad. Unlike the poses of the bodies, it includes whole turns.
     pub angle_rad: f64,
     /// Control law.
@@ -172,7 +174,7 @@ impl Motor {
         self.axis_in_world(&now[0]).dot(&(now[1].spin - now[0].spin))
     }
 
-    /// Torque of the control law at the motions `now`, without rotor inertia and stops.
+    /// Torque of the control law at the motions `now`, without rotor inertia, spring and stops.
     pub fn torque(&self, now: &[BodyMotion]) -> Torque {
         self.law.torque(self.angle(now), self.speed(now))
     }
@@ -215,13 +217,18 @@ impl Motor {
         (sine, cosine, gradient)
     }
 
-    /// Torque of control law and stops.
+    /// Torque of control law, spring and stops.
     fn bounded(&self, angle_rad: f64, speed_rad_s: f64) -> Torque {
         let mut torque = self.law.torque(angle_rad, speed_rad_s);
         if let Some(stops) = &self.stops {
             let stop = stops.torque(angle_rad);
             torque.value_nm += stop.value_nm;
             torque.by_angle += stop.by_angle;
+        }
+        if let Some(spring) = &self.spring {
+            torque.value_nm += spring.torque_nm(angle_rad, speed_rad_s);
+            torque.by_angle -= spring.stiffness_nm_rad;
+            torque.by_speed -= spring.damping_nm_s_rad;
         }
         torque
     }
@@ -327,6 +334,7 @@ mod tests {
             across: [Vector3::x(), Vector3::z()],
             armature_kg_m2: 0.02,
             stops: None,
+            spring: None,
             angle_rad: 0.0,
             law,
         }
@@ -338,6 +346,12 @@ mod tests {
             let stops = Some(Stops { range_rad, stiffness_nm_rad: 30.0 });
             agrees_with_finite_differences(&Motor { stops, ..motor(Law::default()) });
         }
+    }
+
+    #[test]
+    fn a_hinge_has_its_derivatives_with_spring_and_damper() {
+        let spring = JointSpring { stiffness_nm_rad: 4.0, rest_rad: -0.7, damping_nm_s_rad: 0.3 };
+        agrees_with_finite_differences(&Motor { spring: Some(spring), ..motor(Law::default()) });
     }
 
     #[test]

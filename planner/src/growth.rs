@@ -2,7 +2,7 @@
 //! robot file and the plan's torques.
 //!
 //! The growth is the largest Floquet multiplier of the motion ([`cycle`]). The model is a rigid body on legs that yield like
-//! springs and dampers. With all joints q, gains k_p and ground forces f, legs yield by
+//! springs and dampers. With all joints q, gains k_p of motors and springs, and ground forces f, legs yield by
 //!
 //! ```text
 //! (k_p − G) δq = Jᵀ δf        G = ∂(Jᵀ f)/∂q        compliance C = J (k_p − G)⁻¹ Jᵀ
@@ -128,6 +128,7 @@ fn instant(
                 stiffness[(a.joint, b.joint)] += a.ratio * b.ratio * joint.actuator.kp_nm_rad;
             }
         }
+        stiffness[(motor, motor)] += joint.spring.unwrap_or_default().stiffness_nm_rad;
     }
     let mut columns = Matrix3xX::zeros(tree.dofs());
     for (row, &j) in standing.iter().enumerate() {
@@ -174,7 +175,11 @@ fn instant(
 /// Mean ratio of damping to stiffness of the joints, s.
 fn damping_s(plan: &Plan) -> f64 {
     let joints = &plan.robot.joints;
-    let ratio = |joint: &Joint| joint.actuator.kd_nm_s_rad / joint.actuator.kp_nm_rad;
+    let ratio = |joint: &Joint| {
+        let spring = joint.spring.unwrap_or_default();
+        let damping_nm_s_rad = joint.actuator.kd_nm_s_rad + spring.damping_nm_s_rad;
+        damping_nm_s_rad / (joint.actuator.kp_nm_rad + spring.stiffness_nm_rad)
+    };
     joints.iter().map(ratio).sum::<f64>() / joints.len().max(1) as f64
 }
 

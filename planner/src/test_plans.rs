@@ -133,6 +133,7 @@ pub fn robot() -> Robot {
             actuator: actuator(k as u8 + 1, 20.0),
             motor_per_joint: Vec::new(),
             linkage: None,
+            spring: None,
         });
         robot.end_effectors.push(EndEffector {
             name: format!("{name}-wheel"),

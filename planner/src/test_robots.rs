@@ -7,7 +7,8 @@ use crate::problem::variables::Layout;
 use nalgebra::Vector3;
 use rollwalk_multibody::euler::Model;
 use rollwalk_robot::{
-    Actuator, Contact, EndEffector, JointRatio, Linkage, Robot, RollingDrag, TorqueSpeedLine,
+    Actuator, Contact, EndEffector, JointRatio, JointSpring, Linkage, Robot, RollingDrag,
+    TorqueSpeedLine,
 };
 
 /// Shipped robots with driven wheels, free wheels and feet, and variants of them: AgileBot on welded wheels, AgileBot with
@@ -74,8 +75,8 @@ fn with_lines(robot: &Robot) -> Robot {
     robot
 }
 
-/// Returns AgileBot with belts to its knees, and with a differential for roll and steering of each leg. The first knee has a
-/// crank at the hip and a rod, which close in every pose.
+/// Returns AgileBot with belts and springs at its knees, and with a differential for roll and steering of each leg. The first
+/// knee has a crank at the hip and a rod, which close in every pose.
 fn coupled(mut robot: Robot) -> Robot {
     robot.name += "_coupled";
     for hip in (0..robot.joints.len()).step_by(4) {
@@ -89,6 +90,8 @@ fn coupled(mut robot: Robot) -> Robot {
             let row = row.map(|(joint, ratio)| JointRatio { joint, ratio });
             robot.joints[motor].motor_per_joint = row.into();
         }
+        let spring = JointSpring { stiffness_nm_rad: 3.0, rest_rad: -0.4, damping_nm_s_rad: 0.05 };
+        robot.joints[knee].spring = Some(spring);
     }
     let knee = &mut robot.joints[2];
     knee.motor_per_joint.clear();

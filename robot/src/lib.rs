@@ -33,6 +33,7 @@ mod pose;
 mod rules;
 pub mod shape;
 mod solid;
+mod spring;
 mod transmission;
 pub mod urdf;
 
@@ -45,6 +46,7 @@ pub use linkage::{CrankMap, CrankState};
 pub use model::{EndEffector, Joint, JointRatio, Link, Linkage, Robot, SoftMaterial};
 pub use rules::{InvalidRobot, Item, Violation};
 pub use solid::{Form, Solid};
+pub use spring::JointSpring;
 pub use transmission::{Ratios, Transmission};
 
 /// Standard gravity, m/s².

@@ -3,6 +3,7 @@
 use crate::actuator::Actuator;
 use crate::contact::Contact;
 use crate::shape::{self, Shape};
+use crate::spring::JointSpring;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rollwalk_protocol::actuators::bus::Bus;
 use serde::{Deserialize, Serialize};
@@ -76,6 +77,9 @@ pub struct Joint {
     /// Crank and rod by which the servo turns the joint; `None` for other servos.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub linkage: Option<Linkage>,
+    /// Spring and damper beside the servo; `None` for a joint that turns freely.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spring: Option<JointSpring>,
 }
 
 /// Crank of a servo, with a rod from its pin to the child link of the joint. Masses of crank and rod belong to the links.
@@ -110,6 +114,11 @@ impl Joint {
     /// Returns true if the angle of the servo differs from that of the joint.
     pub fn is_coupled(&self) -> bool {
         !self.motor_per_joint.is_empty() || self.linkage.is_some()
+    }
+
+    /// Torque of the spring and damper on the child link, N·m; 0 without them.
+    pub fn spring_torque_nm(&self, angle_rad: f64, speed_rad_s: f64) -> f64 {
+        self.spring.map_or(0.0, |spring| spring.torque_nm(angle_rad, speed_rad_s))
     }
 }
 

@@ -3,7 +3,7 @@
 
 use crate::clock::SimTime;
 use crate::ground::Grounded;
-use crate::load::motor_loads;
+use crate::load::{JointLoad, motor_loads};
 use crate::plant::Plant;
 use crate::servo::Servo;
 use rollwalk_drives::Answer;
@@ -101,13 +101,20 @@ impl Body {
         if self.ground.is_some() {
             return;
         }
-        let motors: Vec<f64> = self.servos[..self.tree.robot().joints.len()]
-            .iter()
-            .map(|servo| servo.plant.position_rad)
-            .collect();
-        for (servo, load) in self.servos.iter_mut().zip(motor_loads(&self.tree, &motors)) {
-            servo.plant.load_inertia_kg_m2 = load.inertia_kg_m2;
-            servo.plant.load_torque_nm = load.gravity_nm;
+        let servos = self.servos[..self.tree.robot().joints.len()].iter();
+        let (angles, speeds): (Vec<_>, Vec<_>) =
+            servos.map(|servo| (servo.plant.position_rad, servo.plant.speed_rad_s)).unzip();
+        let loads = motor_loads(&self.tree, &angles, &speeds);
+        for (servo, load) in self.servos.iter_mut().zip(loads) {
+            let JointLoad { inertia_kg_m2, torque_nm, stiffness_nm_rad, damping_nm_s_rad } = load;
+            let plant = &mut servo.plant;
+            plant.load_inertia_kg_m2 = inertia_kg_m2;
+            plant.load_stiffness_nm_rad = stiffness_nm_rad;
+            plant.load_damping_nm_s_rad = damping_nm_s_rad;
+            // Between updates, the torques of springs and dampers follow angle and speed.
+            plant.load_torque_nm = torque_nm
+                + stiffness_nm_rad * plant.position_rad
+                + damping_nm_s_rad * plant.speed_rad_s;
         }
     }
 

@@ -1,7 +1,7 @@
-//! Load of each joint's motor, inertia and weight, while the body is held level and still.
+//! Load of each joint's motor, inertia, weight and spring, while the body is held level and still.
 //!
-//! The load consists of the diagonal of the mass matrix, and of the generalised forces of the weight in the present pose. It
-//! excludes coupling between joints, Coriolis terms and the ground.
+//! The load consists of the diagonal of the mass matrix, and of the generalised forces of the weight and of springs and dampers
+//! in the present pose. It excludes coupling between joints, Coriolis terms and the ground.
 
 use nalgebra::{Matrix3, Matrix3xX, Vector3};
 use rollwalk_multibody::{CompositeInertia, Configuration, Frames, JOINTS, Tree};
@@ -12,29 +12,46 @@ use rollwalk_robot::GRAVITY_M_S2;
 pub struct JointLoad {
     /// Inertia about the joint axis, kg·m².
     pub inertia_kg_m2: f64,
-    /// Torque of the weight about the joint axis, N·m.
-    pub gravity_nm: f64,
+    /// Torque of weight, spring and damper about the joint axis, N·m.
+    pub torque_nm: f64,
+    /// Stiffness of the spring, N·m/rad.
+    pub stiffness_nm_rad: f64,
+    /// Damping, N·m·s/rad.
+    pub damping_nm_s_rad: f64,
 }
 
-/// Load of the motor of every joint at motor angles. A coupled motor has the inertia of its joints while the other motors stand.
-pub fn motor_loads(tree: &Tree, motor_rad: &[f64]) -> Vec<JointLoad> {
+/// Load of the motor of every joint at motor angles and speeds. A coupled motor has the inertia of its joints while the other
+/// motors stand.
+pub fn motor_loads(tree: &Tree, motor_rad: &[f64], motor_rad_s: &[f64]) -> Vec<JointLoad> {
     let transmission = tree.transmission();
     let joint_rad = transmission.joints(motor_rad);
-    let joints = joint_loads(tree, &joint_rad);
     let ratios = transmission.at(&joint_rad);
+    let mut joints = joint_loads(tree, &joint_rad);
+    let moving = joint_rad.iter().zip(ratios.joints(motor_rad_s));
+    for ((load, joint), (&angle_rad, speed_rad_s)) in
+        joints.iter_mut().zip(&tree.robot().joints).zip(moving)
+    {
+        if let Some(spring) = &joint.spring {
+            load.torque_nm += spring.torque_nm(angle_rad, speed_rad_s);
+            load.stiffness_nm_rad = spring.stiffness_nm_rad;
+            load.damping_nm_s_rad = spring.damping_nm_s_rad;
+        }
+    }
     let motor = |motor: usize| {
         let factors = ratios.torque_factors(motor).iter();
         let loads = factors.map(|of| (of.ratio, joints[of.joint]));
         let add = |sum: JointLoad, (factor, load): (f64, JointLoad)| JointLoad {
             inertia_kg_m2: sum.inertia_kg_m2 + factor * factor * load.inertia_kg_m2,
-            gravity_nm: sum.gravity_nm + factor * load.gravity_nm,
+            torque_nm: sum.torque_nm + factor * load.torque_nm,
+            stiffness_nm_rad: sum.stiffness_nm_rad + factor * factor * load.stiffness_nm_rad,
+            damping_nm_s_rad: sum.damping_nm_s_rad + factor * factor * load.damping_nm_s_rad,
         };
         loads.fold(JointLoad::default(), add)
     };
     (0..motor_rad.len()).map(motor).collect()
 }
 
-/// Load of every joint at the pose `joint_rad`, in joint order. Rotors are excluded, since the tree has no armature.
+/// Inertia and weight of every joint at the pose `joint_rad`, in joint order. Rotors are excluded, since the tree has no armature.
 pub fn joint_loads(tree: &Tree, joint_rad: &[f64]) -> Vec<JointLoad> {
     let at = Configuration {
         base_position_m: Vector3::zeros(),
@@ -49,7 +66,8 @@ pub fn joint_loads(tree: &Tree, joint_rad: &[f64]) -> Vec<JointLoad> {
     (0..joint_rad.len())
         .map(|joint| JointLoad {
             inertia_kg_m2: composite.joint_inertia(tree, &frames, joint),
-            gravity_nm: weight_n * com_jacobian[(2, JOINTS + joint)],
+            torque_nm: weight_n * com_jacobian[(2, JOINTS + joint)],
+            ..JointLoad::default()
         })
         .collect()
 }
@@ -95,6 +113,7 @@ mod tests {
             actuator,
             motor_per_joint: Vec::new(),
             linkage: None,
+            spring: None,
         }
     }
 
@@ -167,7 +186,7 @@ mod tests {
                 }
                 // Central differences with step 1e-5: relative error near 1e-10.
                 assert!((loads[j].inertia_kg_m2 - inertia).abs() < 1e-9, "joint {j} at {q:?}");
-                assert!((loads[j].gravity_nm - torque).abs() < 1e-8, "joint {j} at {q:?}");
+                assert!((loads[j].torque_nm - torque).abs() < 1e-8, "joint {j} at {q:?}");
             }
         }
     }

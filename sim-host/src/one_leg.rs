@@ -58,6 +58,7 @@ pub fn robot() -> Robot {
         actuator,
         motor_per_joint: Vec::new(),
         linkage: None,
+        spring: None,
     };
     Robot {
         name: "one_leg".into(),

@@ -1,10 +1,11 @@
 //! Physics of one motor: an inertia driven by a clamped torque.
 //!
 //! ```text
-//!   I q'' = clamp(kp (q* - q) + kd (v* - q') + tau, ±tau_max) + tau_load
+//!   I q'' = clamp(kp (q* - q) + kd (v* - q') + tau, ±tau_max) + tau_load - k_load q - d_load q'
 //! ```
 //!
-//! `I` is the sum of the armature (rotor and gearbox at the output) and the load's inertia. A motor at its top speed has no
+//! `I` is the sum of the armature (rotor and gearbox at the output) and the load's inertia. `k_load` and `d_load` are those of
+//! springs and dampers at joints. A motor at its top speed has no
 //! torque left to accelerate, but a load can still drive it faster. A joint stops at its mechanical limits without bouncing.
 //! Current loop and electrical time constant are not simulated, since they are an order of magnitude faster than the control
 //! law. Backlash, friction, encoder quantisation and temperature are not simulated either.
@@ -25,8 +26,12 @@ pub struct Plant {
     stops_rad: [f64; 2],
     /// Inertia of the load on the shaft, kg·m².
     pub load_inertia_kg_m2: f64,
-    /// Torque of the load on the shaft, N·m, such as its weight.
+    /// Torque of the load on the shaft at angle and speed 0, N·m, such as its weight.
     pub load_torque_nm: f64,
+    /// Stiffness of the load on the shaft, N·m/rad.
+    pub load_stiffness_nm_rad: f64,
+    /// Damping of the load on the shaft, N·m·s/rad.
+    pub load_damping_nm_s_rad: f64,
     /// Angle q, rad.
     pub position_rad: f64,
     /// Speed q', rad/s.
@@ -47,6 +52,8 @@ impl Plant {
             stops_rad: [f64::NEG_INFINITY, f64::INFINITY],
             load_inertia_kg_m2: 0.0,
             load_torque_nm: 0.0,
+            load_stiffness_nm_rad: 0.0,
+            load_damping_nm_s_rad: 0.0,
             position_rad,
             speed_rad_s: 0.0,
             torque_nm: 0.0,
@@ -78,20 +85,25 @@ impl Plant {
     /// Advances by `dt_s` under the control law `law`.
     pub fn step(&mut self, law: &Law, dt_s: f64) {
         // With v the mean of old and new speed, the midpoint angle is q + v dt/2, and the rule is v = v0 + dt/(2I) (kp (q* - q
-        // - v dt/2) + kd (v* - v) + tau + tau_load).
+        // - v dt/2) + kd (v* - v) + tau + tau_load - k_load (q + v dt/2) - d_load v).
         let half = 0.5 * dt_s;
         let gain = half / self.inertia_kg_m2();
         let &Law { kp_nm_rad: kp, kd_nm_s_rad: kd, .. } = law;
+        let load_nm = self.load_torque_nm - self.load_stiffness_nm_rad * self.position_rad;
+        let load_by_speed = self.load_damping_nm_s_rad + half * self.load_stiffness_nm_rad;
         let still = kp * (law.position_rad - self.position_rad)
             + kd * law.speed_rad_s
             + law.torque_nm
-            + self.load_torque_nm;
-        let mean = (self.speed_rad_s + gain * still) / (1.0 + gain * (kd + half * kp));
-        let wanted = still - self.load_torque_nm - (kd + half * kp) * mean;
-        self.torque_nm = self.available(wanted, law.torque_limit_nm, gain);
+            + load_nm;
+        let by_speed = kd + half * kp;
+        let mean = (self.speed_rad_s + gain * still) / (1.0 + gain * (by_speed + load_by_speed));
+        let wanted = still - load_nm - by_speed * mean;
+        self.torque_nm =
+            self.available(wanted, law.torque_limit_nm, gain, [load_nm, load_by_speed]);
         self.torque_limited = self.torque_nm != wanted;
         // Without clamping, this equals `mean`.
-        let mean = self.speed_rad_s + gain * (self.torque_nm + self.load_torque_nm);
+        let mean =
+            (self.speed_rad_s + gain * (self.torque_nm + load_nm)) / (1.0 + gain * load_by_speed);
         self.position_rad += dt_s * mean;
         self.speed_rad_s = 2.0 * mean - self.speed_rad_s;
 
@@ -106,12 +118,15 @@ impl Plant {
     }
 
     /// Clamps the required torque to the torque that the motor has at the speed after the step.
-    fn available(&self, wanted: f64, limit_nm: f64, gain: f64) -> f64 {
+    /// `load` is the torque of the load at speed 0, and the torque that it loses by speed.
+    fn available(&self, wanted: f64, limit_nm: f64, gain: f64, load: [f64; 2]) -> f64 {
         let most = self.torque_max_nm.min(limit_nm);
         let torque = wanted.clamp(-most, most);
         // Torque with which this step ends exactly at the maximum speed, in the direction of `torque`.
         let top = self.speed_max_rad_s.copysign(torque);
-        let to_top = (top - self.speed_rad_s) / (2.0 * gain) - self.load_torque_nm;
+        let [load_nm, load_by_speed] = load;
+        let mean = 0.5 * (top + self.speed_rad_s);
+        let to_top = (top - self.speed_rad_s) / (2.0 * gain) - load_nm + load_by_speed * mean;
         if torque > 0.0 { torque.min(to_top.max(0.0)) } else { torque.max(to_top.min(0.0)) }
     }
 }
@@ -200,6 +215,40 @@ mod tests {
         }
         // The midpoint rule conserves quadratic energies exactly; only rounding remains.
         assert!((energy(&plant) / before - 1.0).abs() < 1e-10);
+    }
+
+    #[test]
+    fn a_spring_and_damper_on_the_shaft_move_a_free_motor_as_its_own_gains_would() {
+        let law = Law { position_rad: 0.4, kp_nm_rad: 10.0, kd_nm_s_rad: 0.1, ..FREE };
+        let mut driven = Plant::new(&actuator(), 0.0);
+        let mut sprung = Plant {
+            load_torque_nm: 0.4 * law.kp_nm_rad,
+            load_stiffness_nm_rad: law.kp_nm_rad,
+            load_damping_nm_s_rad: law.kd_nm_s_rad,
+            ..driven.clone()
+        };
+        for _ in 0..200 {
+            driven.step(&law, DT_S);
+            sprung.step(&FREE, DT_S);
+            assert!((driven.position_rad - sprung.position_rad).abs() < 1e-12, "rounding only");
+        }
+        assert!((sprung.position_rad - 0.4).abs() > 1e-3, "the shaft still moves");
+    }
+
+    #[test]
+    fn a_motor_against_a_spring_does_not_exceed_its_top_speed() {
+        let motor = Actuator { speed_max_rad_s: 3.0, ..actuator() };
+        let mut plant = Plant {
+            load_stiffness_nm_rad: 10.0,
+            load_damping_nm_s_rad: 0.1,
+            ..Plant::new(&motor, 0.0)
+        };
+        let law = Law { position_rad: 10.0, kp_nm_rad: 500.0, ..FREE };
+        for _ in 0..400 {
+            plant.step(&law, DT_S);
+            assert!(plant.speed_rad_s < 3.0 + 1e-9, "{}", plant.speed_rad_s);
+        }
+        assert!(plant.speed_rad_s > 3.0 - 1e-9, "{}", plant.speed_rad_s);
     }
 
     #[test]

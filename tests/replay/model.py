@@ -115,6 +115,17 @@ def _mjcf(robot, gravity, ground):
     return "\n".join(out)
 
 
+def _spring(joint):
+    """Attributes of the spring and damper beside the motor of a joint."""
+    if "spring" not in joint:
+        return ""
+    spring = joint["spring"]
+    return (
+        f' stiffness="{spring["stiffness_nm_rad"]!r}" springref="{spring["rest_rad"]!r}"'
+        f' damping="{spring["damping_nm_s_rad"]!r}"'
+    )
+
+
 def _link(robot, index, clear, out):
     """Inertia, shapes, wheels and children of a link, up to the end of its body."""
     link = robot["links"][index]
@@ -153,7 +164,7 @@ def _link(robot, index, clear, out):
         out.append(f'<body name="link:{child}" pos="{_numbers(frame["position_m"])}" quat="{turn}">')
         armature = joint["actuator"]["armature_kg_m2"]
         axis = _numbers(joint["axis_in_joint"])
-        out.append(f'<joint name="joint:{name}" axis="{axis}" armature="{armature!r}"/>')
+        out.append(f'<joint name="joint:{name}" axis="{axis}" armature="{armature!r}"{_spring(joint)}/>')
         _link(robot, joint["child"], clear, out)
     out.append("</body>")
 

@@ -158,7 +158,16 @@ def _joint(joint, place, link_index, actuators, limb):
         "position_max_rad": joint["position_max_rad"],
         "nominal_rad": joint["nominal_rad"],
         "actuator": _actuator(actuators, joint["actuator"]),
+        **_spring(joint),
     }
+
+
+def _spring(joint):
+    """Spring and damper beside the motor; nothing for a joint without them."""
+    if "spring" not in joint:
+        return {}
+    keys = "stiffness_nm_rad", "rest_rad", "damping_nm_s_rad"
+    return {"spring": {key: joint["spring"].get(key, 0.0) for key in keys}}
 
 
 def _end_effector(foot, place, link_index, actuators):

@@ -86,7 +86,7 @@ impl<'a> Build<'a> {
                 if joint.is_coupled() { 0.0 } else { joint.actuator.armature_kg_m2 };
             let motor = hinge.motor(armature_kg_m2, stops, angle_rad);
             hinges.push(motor.clone());
-            self.joints.push(self.assembly.add(motor));
+            self.joints.push(self.assembly.add(Motor { spring: joint.spring, ..motor }));
         }
         for index in 0..hinges.len() {
             let motor = self.motor(index, &hinges);

@@ -40,11 +40,11 @@ impl Hinge {
         });
     }
 
-    /// Creates the motor of the hinge without power, at an angle, rad.
+    /// Creates the motor of the hinge without power or spring, at an angle, rad.
     pub fn motor(&self, armature_kg_m2: f64, stops: Option<Stops>, angle_rad: f64) -> Motor {
         let &Self { bodies, axes, across, .. } = self;
         let (axis, law) = (axes[0], Law::default());
-        Motor { bodies, axis, across, armature_kg_m2, stops, angle_rad, law }
+        Motor { bodies, axis, across, armature_kg_m2, stops, spring: None, angle_rad, law }
     }
 }
 

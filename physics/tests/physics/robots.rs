@@ -262,3 +262,84 @@ fn a_joint_ends_at_its_stop_beyond_half_a_turn() {
         }
     }
 }
+
+/// Two links that turn about the vertical through both centres of mass, with a rotor, spring and damper between them.
+const TWO_LINKS: &str = r#"name = "two_links"
+
+[actuator.servo]
+model = "S1"
+speed_max_rad_s = 20.0
+torque_max_nm = 2.0
+kp_nm_rad = 50.0
+kd_nm_s_rad = 1.0
+armature_kg_m2 = 0.002
+
+[[link]]
+name = "body"
+mass_kg = 1.0
+com_in_link_m = [0.0, 0.0, 0.0]
+inertia_in_link_kg_m2 = [0.01, 0.01, 0.012, 0.0, 0.0, 0.0]
+
+[[link]]
+name = "tail"
+mass_kg = 0.5
+com_in_link_m = [0.0, 0.0, -0.1]
+inertia_in_link_kg_m2 = [0.003, 0.003, 0.004, 0.0, 0.0, 0.0]
+
+[[joint]]
+name = "tail"
+parent = "body"
+child = "tail"
+origin_in_parent_m = [0.0, 0.0, -0.1]
+axis_in_joint = [0.0, 0.0, 1.0]
+position_min_rad = -3.0
+position_max_rad = 3.0
+nominal_rad = 0.0
+actuator = "servo"
+bus = 0
+id = 1
+spring = { stiffness_nm_rad = 3.0, rest_rad = 0.4, damping_nm_s_rad = 0.01 }
+
+[[end_effector]]
+name = "foot"
+link = "tail"
+center_in_link_m = [0.0, 0.0, -0.2]
+radius_m = 0.02
+friction_coefficient = 0.8
+contact = "point_foot"
+"#;
+
+/// Tests a free robot without gravity against the closed form of a damped oscillation. The inertia of the oscillation is that of
+/// both links in series, and that of the rotor.
+#[test]
+fn a_joint_with_a_spring_oscillates_with_its_period_and_damping() {
+    let robot = Robot::from_toml("two_links.toml", TWO_LINKS).unwrap();
+    let spring = robot.joints[0].spring.unwrap();
+    let mut parameters = Parameters::new(&robot);
+    parameters.settings.gravity_m_s2 = Vector3::zeros();
+    let inertia_kg_m2 = 0.012 * 0.004 / (0.012 + 0.004) + 0.002;
+    let decay_per_s = 0.5 * spring.damping_nm_s_rad / inertia_kg_m2;
+    let omega = (spring.stiffness_nm_rad / inertia_kg_m2 - decay_per_s.powi(2)).sqrt();
+    let amplitude_rad = 0.5;
+    let expected = |time_s: f64| {
+        let (sine, cosine) = (omega * time_s).sin_cos();
+        let swing = cosine + decay_per_s / omega * sine;
+        spring.rest_rad + amplitude_rad * (-decay_per_s * time_s).exp() * swing
+    };
+    let worst_rad = |step_s: f64| {
+        let mut state = RobotState::nominal(&robot, Vector3::new(0.0, 0.0, 3.0));
+        state.joint_rad[0] = spring.rest_rad + amplitude_rad;
+        let ground: Arc<dyn Ground> = Arc::new(Plane::level());
+        let mut world = World::new(&robot, &ground, &parameters, &state);
+        let steps = (2.0 * TAU / omega / step_s) as usize;
+        let error = |step: usize| {
+            world.step(step_s).unwrap();
+            (world.joint(0)[0] - expected((step + 1) as f64 * step_s)).abs()
+        };
+        (0..steps).map(error).fold(0.0, f64::max)
+    };
+    let (coarse, fine) = (worst_rad(2e-3), worst_rad(1e-3));
+    // BDF2: a phase error of (omega dt)² / 3 per radian, of 4π rad.
+    assert!(fine < 5e-3 * amplitude_rad, "{fine}");
+    assert!((1.7..2.3).contains(&(coarse / fine).log2()), "{coarse} and {fine}");
+}

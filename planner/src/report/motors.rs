@@ -1,7 +1,8 @@
 //! Motor torques that the planned forces require, compared with torque limits and torque-speed lines.
 //!
 //! The torques follow from virtual work, independently of the optimiser's equations. A joint's torque is minus the power of
-//! ground forces, weight and inertia of all mass points per unit of joint rate, plus the torque that accelerates its rotor.
+//! ground forces, weight, springs and inertia of all mass points per unit of joint rate, plus the torque that accelerates its
+//! rotor.
 
 use super::grid::{State, Timeline, Window, feet};
 use super::residual::{Grid, WorstCase};
@@ -57,8 +58,8 @@ pub fn torques(timeline: &Timeline) -> Vec<WorstCase> {
     vec![joint, wheel, line]
 }
 
-/// Torques of the motors of joints, N·m. A joint's torque is minus the power of ground forces, weight and inertia per unit of
-/// joint rate, plus the torque that accelerates rotors.
+/// Torques of the motors of joints, N·m. A joint's torque is minus the power of ground forces, weight, springs and inertia per
+/// unit of joint rate, plus the torque that accelerates rotors.
 fn joint_torques_nm(timeline: &Timeline, w: &Window) -> Vec<f64> {
     let model = &timeline.model;
     let here = w.here;
@@ -96,6 +97,14 @@ fn joint_torques_nm(timeline: &Timeline, w: &Window) -> Vec<f64> {
             let velocity = at.d_center[column] + at.d_rotation[column].cross(&arm);
             torques[dof - JOINTS] -= here.force(index).dot(&velocity);
         }
+    }
+    for ((j, joint), torque_nm) in joints.iter().enumerate().zip(&mut torques) {
+        let Some(spring) = &joint.spring else { continue };
+        let [before, here, after] =
+            [w.before, here, w.after].map(|state| state.sample.joint_rad[j]);
+        let stretch = here - spring.rest_rad;
+        let turned = (after - before) / (2.0 * timeline.spacing_s());
+        *torque_nm += spring.stiffness_nm_rad * stretch + spring.damping_nm_s_rad * turned;
     }
     ratios.motor_torques(&torques)
 }

@@ -5,10 +5,11 @@ use crate::{ANGULAR, JOINTS, Kinematics, LINEAR, Tree};
 use nalgebra::Vector3;
 
 impl Kinematics {
-    /// Generalised forces τ = M ν̇ + h that produce the present acceleration ν̇ under gravity (world axes, m/s²).
+    /// Generalised forces τ = M ν̇ + h that produce the present acceleration ν̇ under gravity (world axes, m/s²), besides those
+    /// of springs and dampers at joints.
     ///
     /// After [`Kinematics::update`], with ν̇ = 0, the result is the bias force h: Coriolis, centrifugal and gyroscopic forces,
-    /// and weight. `out` has [`Tree::dofs`] entries, N and N·m.
+    /// weight, and the opposite of the torques of springs and dampers. `out` has [`Tree::dofs`] entries, N and N·m.
     ///
     /// # Panics
     /// If `out` is shorter.
@@ -40,6 +41,12 @@ impl Kinematics {
             let torque_nm = tree.motor_armature_kg_m2(motor) * self.motor_acceleration(tree, motor);
             for of in self.frames.ratios(tree).ratios(motor) {
                 out[JOINTS + of.joint] += of.ratio * torque_nm;
+            }
+        }
+        for (joint, of) in tree.robot().joints.iter().enumerate() {
+            if let Some(spring) = &of.spring {
+                let dof = JOINTS + joint;
+                out[dof] -= spring.torque_nm(self.joint_rad[joint], self.velocity[dof]);
             }
         }
     }

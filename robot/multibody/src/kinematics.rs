@@ -26,6 +26,7 @@ pub struct Kinematics {
     pub angular_acceleration: Vec<Vector3<f64>>,
     /// Acceleration of the origin of every link, m/s².
     pub linear_acceleration: Vec<Vector3<f64>>,
+    pub(crate) joint_rad: Vec<f64>,
     pub(crate) velocity: Vec<f64>,
     pub(crate) acceleration: Vec<f64>,
 }
@@ -43,6 +44,7 @@ impl Kinematics {
             linear_velocity: zeros.clone(),
             angular_acceleration: zeros.clone(),
             linear_acceleration: zeros,
+            joint_rad: at.joint_rad[..tree.robot().joints.len()].to_vec(),
             velocity: vec![0.0; tree.dofs()],
             acceleration: vec![0.0; tree.dofs()],
         }
@@ -54,6 +56,7 @@ impl Kinematics {
     /// If the configuration has fewer angles than the robot has joints, or the length of `velocity` is not [`Tree::dofs`].
     pub fn update(&mut self, tree: &Tree, at: &Configuration, velocity: &[f64]) {
         self.frames.update(tree, at);
+        self.joint_rad.copy_from_slice(&at.joint_rad[..tree.robot().joints.len()]);
         self.velocity.copy_from_slice(velocity);
         self.angular_velocity[0] = triple(velocity, ANGULAR);
         self.linear_velocity[0] = triple(velocity, LINEAR);

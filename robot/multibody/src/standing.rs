@@ -83,7 +83,8 @@ impl Standing {
         Some(standing)
     }
 
-    /// Torque of a joint that balances ground forces and weight beyond it: τ = −w · [Σ (e − o) × f + (x_c − o) × m_c g].
+    /// Torque of a joint that balances ground forces and weight beyond it, besides that of its spring:
+    /// τ = −w · [Σ (e − o) × f + (x_c − o) × m_c g] − τ_spring.
     fn torque(&self, tree: &Tree, joint: usize) -> f64 {
         let child = tree.robot().joints[joint].child;
         let origin = self.frames.link_origins[child];
@@ -94,7 +95,9 @@ impl Standing {
                 moment += (contact.position - origin).cross(&(Vector3::z() * contact.force_n));
             }
         }
-        -self.frames.joint_axes[joint].dot(&moment)
+        let torque_nm = -self.frames.joint_axes[joint].dot(&moment);
+        let of = &tree.robot().joints[joint];
+        of.spring.map_or(torque_nm, |spring| torque_nm - spring.torque_nm(of.nominal_rad, 0.0))
     }
 
     /// Sag of the body towards a contact, m. Each motor deviates from its set-point by −τ / kp, which lifts the contact towards

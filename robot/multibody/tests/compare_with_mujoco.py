@@ -164,7 +164,7 @@ def reference(model, state):
         "com_bias": com_bias, "centroidal_inertia": inertia, "mass_matrix": model.mass_matrix(),
         "centroidal_momentum_matrix": np.vstack([mass * com_jacobian, angular @ model.T.T]),
         "centroidal_bias": np.concatenate([force, moment]),
-        "bias_forces": model.T @ d.qfrc_bias, "forward_dynamics": model.T @ d.qacc,
+        "bias_forces": model.T @ (d.qfrc_bias - d.qfrc_passive), "forward_dynamics": model.T @ d.qacc,
     }
     d.qacc[:] = model.T.T @ np.array(state["acceleration"])
     mujoco.mj_inverse(m, d)

@@ -8,6 +8,7 @@ use crate::document::{Table, alternatives};
 use crate::model::SoftMaterial;
 use crate::rules::ITEMS_MAX;
 use crate::solid::Solid;
+use crate::spring::JointSpring;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_protocol::actuator::MAX_ID;
 use rollwalk_protocol::actuators::bus::MAX_BUSES;
@@ -110,6 +111,24 @@ pub(super) fn soft_material(table: &Table<'_>) -> SoftMaterial {
         density_kg_m3: number(table, "density_kg_m3"),
         viscosity_pa_s: number(table, "viscosity_pa_s"),
     }
+}
+
+/// Reads spring and damper of a joint. One of both is enough.
+pub(super) fn spring(mut table: Table<'_>) -> JointSpring {
+    table.call("[joint.spring]");
+    let [stiffness_nm_rad, rest_rad, damping_nm_s_rad] =
+        ["stiffness_nm_rad", "rest_rad", "damping_nm_s_rad"]
+            .map(|key| table.given(key, Table::number).unwrap_or_default());
+    if !["stiffness_nm_rad", "damping_nm_s_rad"].iter().any(|key| table.has(key)) {
+        let help = "give `stiffness_nm_rad`, `damping_nm_s_rad` or both, or leave `spring` out";
+        table.fault("stiffness_nm_rad", "is missing", "neither spring nor damper", help);
+    }
+    if table.has("stiffness_nm_rad") && !table.has("rest_rad") {
+        let help = "give the angle of the joint at which the spring has no torque, in rad";
+        table.fault("rest_rad", "is missing", "no rest angle", help);
+    }
+    table.done();
+    JointSpring { stiffness_nm_rad, rest_rad, damping_nm_s_rad }
 }
 
 /// Reads a data sheet: all fields of a motor except its address (bus and id). A servo of the catalogue supplies absent fields.

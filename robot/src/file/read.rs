@@ -5,7 +5,7 @@
 
 use super::buses;
 use super::fields::{
-    address, axis, bus, data_sheet, drag, mass, named, number, rpy, soft_material, vector,
+    address, axis, bus, data_sheet, drag, mass, named, number, rpy, soft_material, spring, vector,
 };
 use super::group::{Group, Limb, ORIGIN};
 use super::item_tables::{ItemTables, Source};
@@ -250,6 +250,7 @@ impl<'r, 'd> Reader<'r, 'd> {
         let coupling = table.given(MOTOR_PER_JOINT, Table::table);
         let linkage = table.given("linkage", Table::table);
         let linkage = linkage.map(|linkage| self.linkage(group, linkage, &axis));
+        let spring = table.given("spring", Table::table).map(spring);
         table.done();
         let Some((actuator, sheet)) = motor else { return };
         if let Some(coupling) = coupling {
@@ -278,6 +279,7 @@ impl<'r, 'd> Reader<'r, 'd> {
             actuator,
             motor_per_joint: Vec::new(),
             linkage,
+            spring,
         });
         let limb = group.limb.map(|limb| limb.table.clone());
         self.places.joints.push(Source { item: table, sheet: Some(sheet), limb });

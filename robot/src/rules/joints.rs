@@ -5,6 +5,7 @@ use super::{Check, Item};
 use crate::actuator::Actuator;
 use crate::document::NAME_MAX;
 use crate::model::{Joint, JointRatio};
+use crate::spring::JointSpring;
 use crate::transmission::Transmission;
 use rollwalk_protocol::actuator;
 use rollwalk_protocol::actuators::bus::MAX_BUSES;
@@ -14,6 +15,8 @@ use std::f64::consts::TAU;
 /// Smallest and largest ratio of a servo to a joint.
 const RATIO_MIN: f64 = 0.01;
 const RATIO_MAX: f64 = 100.0;
+/// Largest rest angle of a spring, rad: about three turns. Wound springs rest far from the range of their joint.
+const REST_MAX_RAD: f64 = 20.0;
 /// Largest speeds of joints and wheels in frames of the Rollwalk profile, rad/s. Larger numbers are usually rev/min.
 pub(crate) const SPEEDS_MAX_RAD_S: [f64; 2] =
     [actuator::MAX_SPEED_RAD_S as f64, actuator::MAX_WHEEL_SPEED_RAD_S as f64];
@@ -86,6 +89,27 @@ impl Check<'_> {
         self.coupling(index, joint);
         if let Some(linkage) = &joint.linkage {
             self.linkage(joint, linkage);
+        }
+        if let Some(spring) = &joint.spring {
+            self.spring(spring);
+        }
+    }
+
+    fn spring(&mut self, spring: &JointSpring) {
+        let MotorMaxima { kp_nm_rad, kd_nm_s_rad, .. } =
+            MotorMaxima::of(self.robot.total_mass_kg());
+        let JointSpring { stiffness_nm_rad, rest_rad, damping_nm_s_rad } = *spring;
+        let zero = Bound::AtLeast(0.0);
+        let degree = "; 1 N·m per degree is 57.3 N·m/rad";
+        self.range("stiffness_nm_rad", stiffness_nm_rad, zero, kp_nm_rad, "N·m/rad", degree);
+        self.range("damping_nm_s_rad", damping_nm_s_rad, zero, kd_nm_s_rad, "N·m·s/rad", "");
+        // The comparison is false for NaN.
+        if !(rest_rad.abs() <= REST_MAX_RAD) {
+            let help = format!(
+                "give an angle within ±{REST_MAX_RAD} rad; {rest_rad} degrees would be {:.4} rad",
+                rest_rad.to_radians()
+            );
+            self.violated("rest_rad", format_args!("is {rest_rad} rad"), help);
         }
     }
 

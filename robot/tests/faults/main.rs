@@ -6,6 +6,7 @@ mod document;
 mod linkages;
 mod rules;
 mod shapes;
+mod springs;
 mod upright;
 
 use rollwalk_robot::Robot;

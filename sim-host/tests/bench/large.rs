@@ -65,6 +65,7 @@ fn robot(legs: usize) -> Robot {
                 actuator: actuator(leg, number),
                 motor_per_joint: Vec::new(),
                 linkage: None,
+                spring: None,
             });
         }
         robot.end_effectors.push(EndEffector {

@@ -66,6 +66,7 @@ fn scene(model: FrictionModel, law: Law) -> Scene {
         across: [Vector3::x(); 2],
         armature_kg_m2: 0.02,
         stops: None,
+        spring: None,
         angle_rad: 0.0,
         law,
     });

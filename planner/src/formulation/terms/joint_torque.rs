@@ -5,11 +5,12 @@
 //! of its motor also accelerates the rotor:
 //!
 //! ```text
-//! τ_joint = w · [ Σ m (p − o) × (p̈ − g) − Σ (e − o) × f ]     τ_motor = A⁻ᵀ τ_joint + I_a A q̈
+//! τ_joint = w · [ Σ m (p − o) × (p̈ − g) − Σ (e − o) × f ] − τ_spring     τ_motor = A⁻ᵀ τ_joint + I_a A q̈
 //! ```
 //!
-//! w and o are the axis and origin of the joint, p the points that it carries, e and f the contacts beyond it, I_a the inertia
-//! of rotor and gearbox, and A the ratios of the motors ([`rollwalk_robot::Transmission`]). Accelerations are second differences
+//! w and o are the axis and origin of the joint, p the points that it carries, e and f the contacts beyond it, τ_spring the
+//! torque of the joint's spring and damper at the sample, I_a the inertia of rotor and gearbox, and A the ratios of the motors
+//! ([`rollwalk_robot::Transmission`]). Accelerations are second differences
 //! in the mean around the sample ([`crate::problem::MeanWeights`]); p × p̈ follows from the moments that the limb sweeps
 //! ([`rollwalk_multibody::euler::SweptMoment`]). |τ| has a kink at 0, where the row is far from active, so that one row covers
 //! both signs.
@@ -109,7 +110,7 @@ fn by_ratios(ratios: &Ratios, motor: usize, window: &Window) -> Vec<(usize, f64)
 struct Torque<'w> {
     window: &'w Window<'w>,
     joint: usize,
-    /// Torque, N·m, without rotors.
+    /// Torque that motors apply, N·m, without rotors.
     value_nm: f64,
     axis: Vector3<f64>,
     origin: Vector3<f64>,
@@ -153,7 +154,12 @@ impl<'w> Torque<'w> {
             moment -= (here.vector(vars.position) - origin).cross(&f);
             ground_force += f;
         }
-        let value_nm = axis.dot(&moment);
+        let mut value_nm = axis.dot(&moment);
+        if let Some(spring) = &model.robot().joints[joint].spring {
+            let angles = window.states.map(|state| state.vars[JOINTS + joint]);
+            let speed_rad_s = (angles[2] - angles[0]) / (2.0 * problem.interval_s);
+            value_nm -= spring.torque_nm(angles[1], speed_rad_s);
+        }
         Self {
             window,
             joint,
@@ -174,6 +180,13 @@ impl<'w> Torque<'w> {
         let model = &window.problem.model;
         let here = window.states[1];
         let rotor = rotor.map(|(factor, rotor)| (per_h2 * factor, rotor));
+        if let Some(spring) = &model.robot().joints[*joint].spring {
+            let by_speed = factor * spring.damping_nm_s_rad / (2.0 * window.problem.interval_s);
+            let by_angle = factor * spring.stiffness_nm_rad;
+            for (k, by) in [(0, -by_speed), (1, by_angle), (2, by_speed)] {
+                out.d(k, JOINTS + joint, by);
+            }
+        }
         let (axis, per_h2) = (axis * factor, per_h2 * factor);
         for &j in self.standing() {
             let vars = &window.problem.layout.end_effectors[j];

@@ -48,6 +48,7 @@ fn two_link_arm() -> Robot {
             actuator: actuator(ARMATURE),
             motor_per_joint: Vec::new(),
             linkage: None,
+            spring: None,
         });
     }
     robot

@@ -1,6 +1,6 @@
 //! Tests of mass matrix, bias forces and momentum: against each other, against sums over links, and along motions.
 
-use crate::robots::{State, all, for_random_states, full_tree};
+use crate::robots::{State, all, for_random_states, full_tree, sprung};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Matrix6xX, Vector3, Vector6};
 use rollwalk_multibody::{
     ANGULAR, CompositeInertia, Configuration, Frames, Kinematics, Tree, about_com,
@@ -115,6 +115,32 @@ fn weight_is_the_gradient_of_potential_energy() {
         let expected = com.tr_mul(&state.gravity_m_s2) * -tree.total_mass_kg();
         assert!((weight - expected).amax() < 1e-12, "{}", tree.robot().name); // rounding
     });
+}
+
+#[test]
+fn springs_and_dampers_do_their_part_of_the_work() {
+    for robot in all() {
+        let sprung = sprung(&robot);
+        let [without, with] = [&robot, &sprung].map(full_tree);
+        let state = State::random(&without, &mut fastrand::Rng::with_seed(7));
+        let gravity = state.gravity_m_s2;
+        let force = |tree: &Tree| {
+            inverse_dynamics(
+                tree,
+                &state.configuration(),
+                &state.velocity,
+                &state.acceleration,
+                &gravity,
+            )
+        };
+        let mut expected = force(&without);
+        for (j, joint) in sprung.joints.iter().enumerate() {
+            let spring = joint.spring.unwrap();
+            expected[6 + j] += spring.stiffness_nm_rad * (state.joint_rad[j] - spring.rest_rad)
+                + spring.damping_nm_s_rad * state.velocity[6 + j];
+        }
+        assert!((force(&with) - expected).amax() < 1e-12, "{}", robot.name); // rounding
+    }
 }
 
 #[test]

@@ -6,7 +6,7 @@
 use crate::robots::wheel_mass_kg;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::{Tree, Wheel};
-use rollwalk_robot::{CrankMap, Joint, Robot};
+use rollwalk_robot::{CrankMap, Joint, JointSpring, Robot};
 use std::fmt::Write;
 
 /// MuJoCo model of a robot with armature and spinning wheels, which are thin discs.
@@ -80,7 +80,7 @@ fn link(tree: &Tree, index: usize, out: &mut String) {
         let armature = wheel.armature_kg_m2;
         writeln!(out, "<body name=\"wheel:{name}\" pos=\"{}\">", numbers(ee.center_in_link_m))
             .unwrap();
-        hinge(&format!("wheel:{name}"), &axis, armature, out);
+        hinge(&format!("wheel:{name}"), &axis, armature, None, out);
         inertial(mass_of(robot, wheel), &Vector3::zeros(), &disc(robot, wheel), out);
         *out += "</body>\n";
     }
@@ -113,16 +113,30 @@ fn link(tree: &Tree, index: usize, out: &mut String) {
         writeln!(out, "<body name=\"{name}\" pos=\"{position}\" quat=\"{quaternion}\">").unwrap();
         // The rotor of a coupled motor is in its tendon.
         let armature = if joint.is_coupled() { 0.0 } else { joint.actuator.armature_kg_m2 };
-        hinge(&joint.name, &joint.axis_in_joint, armature, out);
+        hinge(&joint.name, &joint.axis_in_joint, armature, joint.spring, out);
         link(tree, joint.child, out);
     }
     *out += "</body>\n";
 }
 
-fn hinge(name: &str, axis: &Vector3<f64>, armature_kg_m2: f64, out: &mut String) {
+fn hinge(
+    name: &str,
+    axis: &Vector3<f64>,
+    armature_kg_m2: f64,
+    spring: Option<JointSpring>,
+    out: &mut String,
+) {
     let axis = numbers(*axis);
-    writeln!(out, "<joint name=\"{name}\" axis=\"{axis}\" armature=\"{armature_kg_m2:?}\"/>")
+    write!(out, "<joint name=\"{name}\" axis=\"{axis}\" armature=\"{armature_kg_m2:?}\"").unwrap();
+    if let Some(JointSpring { stiffness_nm_rad, rest_rad, damping_nm_s_rad }) = spring {
+        write!(
+            out,
+            " stiffness=\"{stiffness_nm_rad:?}\" springref=\"{rest_rad:?}\" \
+             damping=\"{damping_nm_s_rad:?}\""
+        )
         .unwrap();
+    }
+    *out += "/>\n";
 }
 
 fn inertial(mass_kg: f64, com: &Vector3<f64>, inertia: &Matrix3<f64>, out: &mut String) {

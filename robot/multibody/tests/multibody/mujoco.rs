@@ -1,10 +1,10 @@
-//! Test of the crate against MuJoCo, on random states of every shipped robot.
+//! Test of the crate against MuJoCo, on random states of every shipped robot and of one with springs.
 //!
 //! The test is ignored by default because it needs Python with the package `mujoco`, which `cargo xtask test --only multibody`
 //! installs. `robot/multibody/tests/compare_with_mujoco.py` compares the results.
 
 use crate::mjcf;
-use crate::robots::{State, full_tree, numbers, shipped, vector};
+use crate::robots::{State, full_tree, numbers, shipped, sprung, vector};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Matrix6xX, Vector3};
 use rollwalk_multibody::{
     CompositeInertia, JOINTS, Kinematics, RimContact, Tree, about_com, centroidal_momentum_matrix,
@@ -25,6 +25,7 @@ fn agrees_with_mujoco() {
     let states = env::var("MULTIBODY_STATES").map_or(STATES, |text| text.parse().unwrap());
     let mut robots = shipped();
     robots.retain(|robot| robot.joints.iter().all(|joint| joint.linkage.is_none()));
+    robots.push(sprung(&robots[0]));
     let files: Vec<PathBuf> = robots.iter().map(|robot| write(robot, states)).collect();
     let output = compare(&files);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::{Configuration, Tree};
 use rollwalk_robot::shape::DEFAULT_CLEARANCE_MARGIN_M;
-use rollwalk_robot::{Contact, EndEffector, Robot};
+use rollwalk_robot::{Contact, EndEffector, JointSpring, Robot};
 use std::fs;
 use std::path::Path;
 
@@ -38,6 +38,19 @@ pub fn all() -> Vec<Robot> {
     }
     robots.push(skater);
     robots
+}
+
+/// Returns the robot with a spring, a damper or both at each joint.
+pub fn sprung(robot: &Robot) -> Robot {
+    let mut robot = Robot { name: format!("{}_sprung", robot.name), ..robot.clone() };
+    for (number, joint) in robot.joints.iter_mut().enumerate() {
+        joint.spring = Some(JointSpring {
+            stiffness_nm_rad: [4.0, 0.0, 7.0][number % 3],
+            rest_rad: [0.3, 0.0, -2.0][number % 3],
+            damping_nm_s_rad: [0.2, 0.5, 0.0][number % 3],
+        });
+    }
+    robot
 }
 
 /// Assumed mass of a wheel, kg: a tenth of its link, shared by the wheels on the link.
