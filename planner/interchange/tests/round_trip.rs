@@ -2,7 +2,7 @@
 
 use rollwalk_interchange::foxglove::{Figure, Posture};
 use rollwalk_robot::urdf::{Text, import, survey};
-use rollwalk_robot::{EndEffector, Joint, Robot};
+use rollwalk_robot::{EndEffector, Joint, JointSpring, Robot};
 use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
@@ -72,6 +72,60 @@ fn robots_come_back_from_mjcf_with_their_joints_wheels_and_masses() {
             assert_eq!(found, ratios, "{name} {}", joint.name);
         }
         assert_eq!(wheels(&back).len(), wheels(&robot).len(), "{name}");
+    }
+}
+
+#[test]
+fn springs_come_back_from_mjcf_and_dampers_from_urdf() {
+    let mut robot = shipped("pup");
+    for (number, joint) in robot.joints.iter_mut().enumerate() {
+        let damping_nm_s_rad = if number % 3 == 2 { 0.0 } else { 0.02 };
+        joint.spring = (number % 3 != 0).then_some(JointSpring {
+            stiffness_nm_rad: 0.8,
+            rest_rad: -1.9,
+            damping_nm_s_rad,
+        });
+    }
+    let back = |text: &str| {
+        let text = Text { name: "pup", text };
+        let side = survey(text).unwrap().template;
+        import(text, Text { name: "side", text: &side }).unwrap().robot
+    };
+    let [mjcf, urdf] = [
+        back(&rollwalk_interchange::mjcf(&robot, &[]).unwrap()),
+        back(&rollwalk_interchange::urdf(&robot, &[]).unwrap()),
+    ];
+    for joint in &robot.joints {
+        assert_eq!(joint_named(&mjcf, &joint.name).spring, joint.spring, "{}", joint.name);
+        let damping = joint.spring.map(|of| of.damping_nm_s_rad).filter(|of| *of > 0.0);
+        let found = joint_named(&urdf, &joint.name).spring.map(|of| of.damping_nm_s_rad);
+        assert_eq!(found, damping, "{}", joint.name);
+    }
+}
+
+#[test]
+fn cranks_and_rods_come_back_from_mjcf() {
+    let robot = shipped("pup_five_bar");
+    let text = rollwalk_interchange::mjcf(&robot, &[]).unwrap();
+    let text = Text { name: "pup_five_bar", text: &text };
+    let side = survey(text).unwrap().template;
+    let back = import(text, Text { name: "side", text: &side });
+    let back = back.unwrap_or_else(|error| panic!("{error}\n{side}")).robot;
+    assert!((back.total_mass_kg() - robot.total_mass_kg()).abs() < 1e-9);
+    assert_eq!(back.joints.len(), robot.joints.len());
+    let motors = |of: &Robot, degrees: [f64; 2]| {
+        let angle = |joint: &Joint| degrees[usize::from(joint.name.ends_with("_knee"))].to_radians();
+        let angles: Vec<_> = of.joints.iter().map(angle).collect();
+        of.transmission().motors(&angles)
+    };
+    for joint in &robot.joints {
+        let turned = |of: &Robot| {
+            let index = of.joints.iter().position(|other| other.name == joint.name).unwrap();
+            let [from, to] = [[34.0, -69.0], [46.0, -80.0]].map(|pose| motors(of, pose)[index]);
+            to - from
+        };
+        let (found, expected) = (turned(&back), turned(&robot));
+        assert!((found - expected).abs() < 1e-6, "{}: {found} {expected}", joint.name);
     }
 }
 

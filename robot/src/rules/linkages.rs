@@ -7,11 +7,11 @@ use std::f64::consts::TAU;
 
 /// Smallest sine of the angles between crank and rod, and between rod and the lever of the joint: 10 degrees. A linkage is
 /// singular where one of them is 0.
-const SINE_MIN: f64 = 0.17;
+pub(crate) const SINE_MIN: f64 = 0.17;
 /// Number of angles of each joint at which a linkage is checked.
 const ANGLES: usize = 13;
 /// Maximum number of joints between the servo's link and the child link.
-const PATH_MAX: usize = 3;
+pub(crate) const PATH_MAX: usize = 3;
 
 /// Calls `visit` with joint angles in a grid over the limits of the joints that turn a servo, until it returns false.
 pub(crate) fn for_each_pose(

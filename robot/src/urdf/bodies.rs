@@ -187,7 +187,7 @@ fn masses(
 }
 
 /// Moves mass properties into another frame.
-fn placed(mass: MassProperties, pose: &Isometry3<f64>) -> MassProperties {
+pub(super) fn placed(mass: MassProperties, pose: &Isometry3<f64>) -> MassProperties {
     let turn = Rotation3::from(pose.rotation);
     MassProperties {
         mass_kg: mass.mass_kg,

@@ -1,12 +1,13 @@
 //! Draft of a robot file from a URDF and a side file.
 
 use super::bodies::{Bodies, Moving, Rigid, merge};
-use super::draft::{Draft, DraftEnd, DraftJoint, DraftLink, Origin};
+use super::draft::{Draft, DraftEnd, DraftJoint, DraftLink, DraftLinkage, Origin};
 use super::joints::ranges;
+use super::linkages::{Placed, narrow, nominal};
 use super::loads::loads;
 use super::model::{Joint, Kind, MOVING_MAX, Urdf};
 use super::motors::Motors;
-use super::names::{Names, allowed};
+use super::names::{Names, allowed, some_names};
 use super::notes::Notes;
 use super::rigid;
 use super::shapes::shapes;
@@ -17,7 +18,7 @@ use super::tree::{Graph, Tree, choose};
 use crate::GRAVITY_M_S2;
 use crate::document::{Document, alternatives};
 use crate::shape::Shape;
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use rollwalk_protocol::config::MAX_CHANNELS;
 use std::collections::HashMap;
 
@@ -98,11 +99,14 @@ impl<'a> Conversion<'a, '_> {
                 range: *range,
                 motor,
                 motor_per_joint: joint.motor_per_joint.clone(),
+                linkage: self.linkage(joint, &axes, &angles),
+                spring: joint.spring,
                 urdf: joint.span.clone(),
                 side: given.map(|given| given.span.clone()),
             });
         }
         self.couple(&mut joints);
+        self.narrow(&mut joints);
         let ends: Vec<_> = self.side.end_effectors.iter().collect();
         let end_effectors = ends
             .into_iter()
@@ -122,6 +126,51 @@ impl<'a> Conversion<'a, '_> {
             joints,
             end_effectors,
         })
+    }
+
+    /// Crank and rod of a joint in the nominal pose. Notes a fault if they do not meet there.
+    fn linkage(
+        &mut self,
+        joint: &Joint,
+        axes: &[Unit<Vector3<f64>>],
+        angles: &[f64],
+    ) -> Option<DraftLinkage> {
+        let linkage = joint.linkage.as_ref()?;
+        let (link, link_from_motor) = self.body_and_pose(&linkage.link)?;
+        let (turned, turned_from_model) = self.body_and_pose(&joint.child)?;
+        let link_from_turned = [vec![0.0; angles.len()], angles.to_vec()].map(|angles| {
+            let poses = poses(self.bodies, axes, &angles);
+            poses[link].inverse() * poses[turned]
+        });
+        let placed = Placed { link, link_from_motor, turned_from_model, link_from_turned };
+        let found = nominal(linkage, &placed);
+        if found.is_none() {
+            let message =
+                format!("joint `{}`: crank and rod do not meet in the nominal pose", joint.name);
+            let help = "give `nominal_rad` of the joints of this limb under [joint] of the side file, nearer to the pose of the model";
+            self.notes.fault(joint.span.clone(), message, "too far", help);
+        }
+        found
+    }
+
+    /// Narrows ranges of joints that the side file does not give, so that all linkages close.
+    fn narrow(&mut self, joints: &mut [DraftJoint]) {
+        let is_given = |joint: &DraftJoint| {
+            let given = self.side.joints.iter().find(|given| given.joint == joint.from);
+            given.is_some_and(|given| given.min_rad.is_some() || given.max_rad.is_some())
+        };
+        let fixed: Vec<_> = joints.iter().map(is_given).collect();
+        let narrowed = narrow(joints, &fixed);
+        if let Some(first) = narrowed.first().map(|&joint| &joints[joint]) {
+            let names: Vec<_> = narrowed.iter().map(|&joint| joints[joint].from.clone()).collect();
+            self.notes.warn(&first.urdf, format_args!(
+                "joint {}: crank and rod would come near a singular pose within the limits, so the import narrows them, `{}` to {} to {} rad; give `position_min_rad` and `position_max_rad` under [joint] of the side file for others",
+                some_names(names.iter()),
+                first.from,
+                show(first.range.min_rad),
+                show(first.range.max_rad)
+            ));
+        }
     }
 
     /// Replaces names of coupled joints by those in the robot file. Warns of joints that do not move.

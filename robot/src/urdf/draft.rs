@@ -7,6 +7,7 @@ use nalgebra::{Isometry3, Vector3};
 use super::joints::Range;
 use super::side::NUMBERS;
 use crate::shape::Shape;
+use crate::spring::JointSpring;
 
 /// Source of an item.
 #[derive(Clone, Debug)]
@@ -72,10 +73,24 @@ pub(super) struct DraftJoint {
     pub motor: Motor,
     /// Names of the joints that the motor turns, with their ratios; empty for a motor of this joint alone.
     pub motor_per_joint: Vec<(String, f64)>,
+    pub linkage: Option<DraftLinkage>,
+    pub spring: Option<JointSpring>,
     /// Span in the URDF.
     pub urdf: Span,
     /// Span in the side file, if that has the joint.
     pub side: Option<Span>,
+}
+
+/// Value of `linkage`: crank and rod in the nominal pose.
+#[derive(Debug)]
+pub(super) struct DraftLinkage {
+    /// Link that carries the motor.
+    pub link: usize,
+    pub pivot_m: Vector3<f64>,
+    pub pin_m: Vector3<f64>,
+    pub axis: Vector3<f64>,
+    pub rod_end_m: Vector3<f64>,
+    pub nominal_rad: f64,
 }
 
 /// Table `[[end_effector]]`.

@@ -1,4 +1,4 @@
-//! Elements of a URDF that constrain or drive the robot and that robot files lack. A warning names them.
+//! Elements of a URDF that close loops and that robot files lack. A warning names them.
 
 use super::elements::tag;
 use super::names::some_names;
@@ -7,45 +7,19 @@ use roxmltree::Node;
 
 /// Words in the tags of top-level elements that close loops in dialects of URDF.
 const LOOPS: [&str; 3] = ["loop", "constraint", "bushing"];
-/// Word in the type of a transmission between one motor and one joint.
-const SIMPLE: &str = "simple";
 
-/// Warns of transmissions with a ratio or several joints, and of loops.
+/// Warns of loops.
 pub(super) fn warn(root: Node<'_, '_>, notes: &mut Notes<'_>) {
-    let elements = || root.children().filter(|node| node.is_element());
-    let transmissions: Vec<_> =
-        elements().filter(|node| node.has_tag_name("transmission") && couples(*node)).collect();
-    if let Some(first) = transmissions.first() {
-        let names: Vec<_> = transmissions.iter().map(|node| name(*node)).collect();
-        notes.warn(&tag(*first), format_args!(
-            "<transmission> {}: ratios and coupled joints are not imported. Each joint gets a motor of its own with the limits of the joint; give other limits under [joint] and [actuator.NAME] of the side file",
-            some_names(names.iter())
-        ));
-    }
-    let loops: Vec<_> = elements().flat_map(loops).collect();
+    let elements = root.children().filter(|node| node.is_element());
+    let loops: Vec<_> = elements.flat_map(loops).collect();
     if let Some(first) = loops.first() {
         let names: Vec<_> = loops.iter().map(|node| name(*node)).collect();
         notes.warn(&tag(*first), format_args!(
-            "<{}> {} closes a loop and is not imported; the linkage moves freely: lock its passive joints under [lock] of the side file",
+            "<{}> {} closes a loop and is not imported: lock the passive joints under [lock] of the side file. If a motor turns a joint by crank and rod, write `linkage` at this joint into the robot file",
             first.tag_name().name(),
             some_names(names.iter())
         ));
     }
-}
-
-/// True unless a transmission connects one motor to one joint with ratio 1.
-fn couples(transmission: Node<'_, '_>) -> bool {
-    let kind = transmission.attribute("type").map(str::to_owned).or_else(|| {
-        let element = transmission.children().find(|node| node.has_tag_name("type"))?;
-        element.text().map(str::to_owned)
-    });
-    let is_simple = kind.is_none_or(|kind| kind.to_ascii_lowercase().contains(SIMPLE));
-    let count = |tag: &str| transmission.children().filter(|node| node.has_tag_name(tag)).count();
-    let mut ratios = transmission
-        .descendants()
-        .filter(|node| node.tag_name().name().eq_ignore_ascii_case("mechanicalReduction"))
-        .filter_map(|node| node.text()?.trim().parse::<f64>().ok());
-    !is_simple || count("joint") > 1 || count("actuator") > 1 || ratios.any(|ratio| ratio != 1.0)
 }
 
 /// Elements of a top-level element that close a loop: those of a dialect, and SDF joints in `<gazebo>`.

@@ -5,6 +5,7 @@ use super::notes::Notes;
 use crate::document::{Span, alternatives};
 use crate::file::parts::MassProperties;
 use crate::rules::LENGTH_MAX_M;
+use crate::spring::JointSpring;
 use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, Unit, UnitQuaternion, Vector3};
 use roxmltree::Node;
 
@@ -56,6 +57,7 @@ fn unit(tag: &str, attribute: &str) -> &'static str {
         (_, "lower" | "upper") => " in rad (m, if prismatic)",
         (_, "velocity") => " in rad/s",
         (_, "effort") => " in N·m",
+        (_, "damping") => " in N·m·s/rad",
         _ => "",
     }
 }
@@ -248,6 +250,11 @@ impl Reader<'_, '_> {
             limit.velocity = self.number(element, "velocity");
             limit.effort = self.number(element, "effort");
         }
+        let dynamics = child(node, "dynamics");
+        let damping = dynamics.and_then(|dynamics| self.number(dynamics, "damping"));
+        let spring = damping
+            .filter(|damping| *damping > 0.0 && matches!(kind, Kind::Revolute | Kind::Continuous))
+            .map(|damping_nm_s_rad| JointSpring { damping_nm_s_rad, ..JointSpring::default() });
         let parent_from_joint = self.origin(node);
         let (parent, child, axis) = (parent?, child_link?, axis?);
         Some(Joint {
@@ -260,6 +267,8 @@ impl Reader<'_, '_> {
             axis,
             mimics,
             motor_per_joint: Vec::new(),
+            linkage: None,
+            spring,
             has_motor: limit.effort.is_some(),
             limit,
             home: None,

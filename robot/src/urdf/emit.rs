@@ -78,6 +78,27 @@ pub(super) fn emit(draft: &Draft, sources: [&str; 2]) -> Emitted {
             let ratios: Vec<_> = joint.motor_per_joint.iter().map(ratio).collect();
             out.line(format_args!("motor_per_joint = {{ {} }}", ratios.join(", ")));
         }
+        if let Some(linkage) = &joint.linkage {
+            let motor_on = quoted(&draft.links[linkage.link].name);
+            let points = [linkage.pivot_m, linkage.pin_m, linkage.rod_end_m, linkage.axis];
+            let [pivot, pin, end, axis] = points.map(|point| array(point.as_slice()));
+            out.line(format_args!(
+                "linkage = {{ motor_on = {motor_on}, pivot_m = {pivot}, pin_m = {pin}, rod_end_m = {end}, axis = {axis}, motor_nominal_rad = {} }}",
+                show(linkage.nominal_rad)
+            ));
+        }
+        if let Some(spring) = &joint.spring {
+            let [stiffness, rest, damping] =
+                [spring.stiffness_nm_rad, spring.rest_rad, spring.damping_nm_s_rad].map(show);
+            let mut keys = Vec::new();
+            if spring.stiffness_nm_rad != 0.0 {
+                keys.push(format!("stiffness_nm_rad = {stiffness}, rest_rad = {rest}"));
+            }
+            if spring.damping_nm_s_rad != 0.0 {
+                keys.push(format!("damping_nm_s_rad = {damping}"));
+            }
+            out.line(format_args!("spring = {{ {} }}", keys.join(", ")));
+        }
         let side = joint.side.clone().map(Origin::Side);
         out.came_from(start, &side.unwrap_or(Origin::Urdf(joint.urdf.clone())));
     }

@@ -16,6 +16,7 @@ mod elements;
 mod emit;
 mod guess;
 mod joints;
+mod linkages;
 mod loads;
 mod mjcf;
 mod model;
@@ -31,6 +32,7 @@ mod stance;
 mod survey;
 mod template;
 mod toml_text;
+mod transmissions;
 mod tree;
 mod xml;
 

@@ -2,6 +2,7 @@
 
 use crate::document::Span;
 use crate::file::parts::MassProperties;
+use crate::spring::JointSpring;
 use nalgebra::{Isometry3, Unit, Vector3};
 
 /// Maximum number of links, and of joints. Humanoids with hands have a few hundred. The time of the import grows with the
@@ -85,11 +86,32 @@ pub(super) struct Joint {
     pub mimics: Option<String>,
     /// Joints that the motor turns, with radians of the motor per radian; empty for a motor of this joint alone.
     pub motor_per_joint: Vec<(String, f64)>,
+    /// Crank and rod of the motor; `None` for other motors.
+    pub linkage: Option<Linkage>,
+    /// Spring and damper beside the motor.
+    pub spring: Option<JointSpring>,
     /// True if the file describes a motor: an `effort`, or an actuator of a MuJoCo model.
     pub has_motor: bool,
     pub limit: Limit,
     /// Position in the keyframe `home` of a MuJoCo model, rad or m.
     pub home: Option<f64>,
+}
+
+/// Crank and rod of a joint's motor. The crank is at its angle 0.
+#[derive(Clone, Debug)]
+pub(super) struct Linkage {
+    /// Link that carries the crank.
+    pub link: String,
+    /// Pivot of the crank in this link, m.
+    pub pivot_m: Vector3<f64>,
+    /// Pin between crank and rod in this link, m.
+    pub pin_m: Vector3<f64>,
+    /// Axis of the motor in this link.
+    pub axis: Vector3<f64>,
+    /// End of the rod in the link that the joint moves, m.
+    pub rod_end_m: Vector3<f64>,
+    /// Length of the rod, m.
+    pub rod_m: f64,
 }
 
 /// A `<limit>`; absent attributes are `None`.

@@ -9,6 +9,7 @@ use super::mjcf;
 use super::model::{ITEMS_MAX, Urdf};
 use super::notes::Notes;
 use super::scan::scan;
+use super::transmissions;
 use crate::document::{DocumentError, Fault};
 use roxmltree::{Document, Error, Node, ParsingOptions};
 
@@ -96,6 +97,7 @@ pub(super) fn read(notes: &mut Notes<'_>) -> Result<Urdf, DocumentError> {
     }
     urdf.in_degrees = in_degrees(&urdf.joints);
     reader.notes.check()?;
+    transmissions::couple(root, &mut urdf, reader.notes);
     dropped::warn(root, reader.notes);
     if urdf.links.is_empty() {
         reader.fault(root, "the robot has no <link>", "give at least one link with an <inertial>");

@@ -177,7 +177,7 @@ fn loops_tendons_and_springs_are_named_and_passive_joints_locked() {
         (connect, "", ["<connect> `fl_rod – fl_shank`", "[lock]"]),
         (weld, "", ["<weld> `glue`", "[lock]"]),
         (tendon, "", ["<fixed> `belt`", "no tendons"]),
-        ("", "stiffness=\"5\"", ["`fl_pin`", "`stiffness` is not imported"]),
+        ("", "stiffness=\"5\"", ["`fl_pin`", "fl_pin = 0.0 under [lock]"]),
         (
             "<actuator><motor name=\"pull\" tendon=\"belt\"/></actuator>",
             "",
@@ -227,6 +227,38 @@ fn a_motor_at_a_fixed_tendon_turns_its_joints() {
 }
 
 #[test]
+fn springs_and_dampers_are_those_of_their_joints_unless_they_stand_for_a_servo() {
+    let text = linked("", "");
+    let spring = "name=\"fl_knee\" stiffness=\"3\" springref=\"-60\" ref=\"-15\" damping=\"0.2\"";
+    let damper = "name=\"fr_knee\" damping=\"0.4\"";
+    let text = text
+        .replace("name=\"fl_knee\"", spring)
+        .replace("name=\"fr_knee\"", damper)
+        .replace("name=\"rl_knee\"", &damper.replace("fr", "rl"))
+        .replace("<motor joint=\"rl_knee\"", "<position kp=\"20\" joint=\"rl_knee\"")
+        .replace("name=\"rr_knee\"", &damper.replace("fr", "rr"))
+        .replace("<motor joint=\"rr_knee\"", "<position kp=\"20\" kv=\"1\" joint=\"rr_knee\"");
+    let survey = surveyed(&text).unwrap();
+    let warned = |name: &str| {
+        survey.warnings.iter().any(|w| w.contains(name) && w.contains("`damping` is not imported"))
+    };
+    assert!(warned("`rl_knee`") && !warned("`rr_knee`"), "{:?}", survey.warnings);
+    let side = Text { name: "side.toml", text: &survey.template };
+    let robot = import(Text { name: "robot.xml", text: &text }, side).unwrap().robot;
+    let spring = |name: &str| {
+        let joint = robot.joints.iter().find(|joint| joint.name == name);
+        joint.unwrap().spring.map(|of| {
+            [of.stiffness_nm_rad, of.rest_rad, of.damping_nm_s_rad].map(|x| (x * 1e6).round())
+        })
+    };
+    let rest_rad = -45f64.to_radians();
+    assert_eq!(spring("fl_knee"), Some([3.0, rest_rad, 0.2].map(|x: f64| (x * 1e6).round())));
+    assert_eq!(spring("fr_knee"), Some([0.0, 0.0, 4e5]));
+    assert_eq!(spring("rr_knee"), Some([0.0, 0.0, 4e5]));
+    assert_eq!((spring("rl_knee"), spring("fl_hip")), (None, None));
+}
+
+#[test]
 fn the_keyframe_home_is_the_standing_pose() {
     let home = |legs: &str| {
         format!("<keyframe><key name=\"home\" qpos=\"0 0 0.3 1 0 0 0 {legs}\"/></keyframe>")
@@ -247,4 +279,90 @@ fn the_keyframe_home_is_the_standing_pose() {
     assert!(
         short.warnings.iter().any(|w| w.contains("`qpos` has 9 numbers, but the joints need 19"))
     );
+}
+
+/// MJCF quadruped whose knees have motors at the hips, with parallelograms of crank and rod. The rod is a body of the crank, or
+/// else of the shank.
+fn cranked(rod_on_crank: bool) -> String {
+    let (mut legs, mut motors, mut loops) = (String::new(), String::new(), String::new());
+    for (leg, x, y) in [("fl", 0.2, 0.1), ("fr", 0.2, -0.1), ("rl", -0.2, 0.1), ("rr", -0.2, -0.1)]
+    {
+        let rod = |pos: &str, to: &str| {
+            format!(
+                "<body name=\"{leg}_rod\" pos=\"{pos}\"><joint name=\"{leg}_pin\" axis=\"0 1 0\"/>\
+                 <geom type=\"capsule\" size=\"0.005\" fromto=\"0 0 0 {to}\" mass=\"0.04\"/></body>"
+            )
+        };
+        let (on_crank, on_shank) = match rod_on_crank {
+            true => (rod("0.04 0 0", "0 0 -0.2"), String::new()),
+            false => (String::new(), rod("0.04 0 0", "0 0 0.2")),
+        };
+        legs += &format!(
+            "<body name=\"{leg}_thigh\" pos=\"{x} {y} 0\"><joint name=\"{leg}_hip\" axis=\"0 1 0\" range=\"-60 60\"/>\
+             <geom type=\"capsule\" size=\"0.02\" fromto=\"0 0 0 0 0 -0.2\" mass=\"0.3\"/>\
+             <body name=\"{leg}_shank\" pos=\"0 0 -0.2\"><joint name=\"{leg}_knee\" axis=\"0 1 0\" range=\"-70 60\"/>\
+             <geom type=\"capsule\" size=\"0.02\" fromto=\"0 0 0 0 0 -0.2\" mass=\"0.2\"/>{on_shank}</body></body>\
+             <body name=\"{leg}_crank\" pos=\"{x} {y} 0\"><joint name=\"{leg}_servo\" axis=\"0 1 0\" armature=\"0.002\"/>\
+             <geom type=\"capsule\" size=\"0.005\" fromto=\"0 0 0 0.04 0 0\" mass=\"0.02\"/>{on_crank}</body>"
+        );
+        motors += &format!(
+            "<motor joint=\"{leg}_hip\" ctrlrange=\"-9 9\"/><motor joint=\"{leg}_servo\" ctrlrange=\"-7 7\"/>"
+        );
+        loops += &match rod_on_crank {
+            true => format!("<connect body1=\"{leg}_rod\" body2=\"{leg}_shank\" anchor=\"0 0 -0.2\"/>"),
+            false => format!("<connect body1=\"{leg}_crank\" body2=\"{leg}_rod\" anchor=\"0.04 0 0\"/>"),
+        };
+    }
+    let lists = format!("<actuator>{motors}</actuator><equality>{loops}</equality></mujoco>");
+    trunk(&legs).replace("</mujoco>", &lists)
+}
+
+#[test]
+fn loops_of_crank_and_rod_become_linkages() {
+    for rod_on_crank in [true, false] {
+        let text = cranked(rod_on_crank);
+        let survey = surveyed(&text).unwrap();
+        let warned = |word: &str| survey.warnings.iter().any(|warning| warning.contains(word));
+        assert!(warned("crank and rod become its `linkage`"), "{:?}", survey.warnings);
+        assert!(!warned("<connect>") && !warned("[lock]"), "{:?}", survey.warnings);
+        let side = Text { name: "side.toml", text: &survey.template };
+        let imported = import(Text { name: "robot.xml", text: &text }, side)
+            .unwrap_or_else(|error| panic!("{error}\n{}", survey.template));
+        let robot = imported.robot;
+        assert_eq!(robot.joints.len(), 8);
+        assert!((robot.total_mass_kg() - (2.0 + 4.0 * 0.56)).abs() < 1e-9);
+        let index = |name: &str| robot.joints.iter().position(|joint| joint.name == name).unwrap();
+        let (hip, knee) = (index("rl_hip"), index("rl_knee"));
+        assert!(robot.joints[knee].linkage.is_some() && robot.joints[hip].linkage.is_none());
+        assert_eq!(robot.joints[knee].actuator.torque_max_nm, 7.0);
+        // The crank of 0.02 kg and 0.04 m, and half of the rod of 0.04 kg at its end.
+        let rotor = robot.joints[knee].actuator.armature_kg_m2 - 0.002;
+        assert!((4e-5..6e-5).contains(&rotor), "{rotor}");
+        // A parallelogram: the motor turns as far as the shank.
+        let map = robot.transmission();
+        let mut angles = vec![0.0; robot.joints.len()];
+        for (hip_rad, knee_rad) in [(0.0, 0.0), (0.6, -0.9), (-0.5, 0.4)] {
+            (angles[hip], angles[knee]) = (hip_rad, knee_rad);
+            let motors = map.motors(&angles);
+            assert!((motors[knee] - hip_rad - knee_rad).abs() < 1e-9, "{rod_on_crank} {motors:?}");
+        }
+    }
+}
+
+#[test]
+fn loops_with_other_motors_or_axes_are_named() {
+    let text = cranked(true);
+    for (from, to) in [
+        ("<motor joint=\"fl_servo\" ctrlrange=\"-7 7\"/>", ""),
+        ("name=\"fl_pin\" axis=\"0 1 0\"", "name=\"fl_pin\" axis=\"1 0 0\""),
+        ("<motor joint=\"fl_servo\"", "<motor joint=\"fl_knee\" ctrlrange=\"-7 7\"/><motor joint=\"fl_servo\""),
+    ] {
+        assert!(text.contains(from));
+        let survey = surveyed(&text.replace(from, to)).unwrap();
+        let names = |warning: &String| {
+            warning.contains("<connect> `fl_rod – fl_shank`") && warning.contains("write `linkage`")
+        };
+        assert!(survey.warnings.iter().any(names), "{to}: {:?}", survey.warnings);
+        assert!(survey.warnings.iter().any(|w| w.contains("`rr_knee`") || w.contains("and rod become")));
+    }
 }

@@ -203,6 +203,52 @@ fn limits_in_degrees_are_converted_in_the_template() {
     assert!(are_level(&bottoms(&text), 1e-3));
 }
 
+/// Elements of a leg with a differential at the hip and a belt to the knee, in the forms of ROS 1 and of ros2_control.
+const COUPLED: &str = "<transmission name=\"hip\"><type>transmission_interface/DifferentialTransmission</type>\
+    <joint name=\"LF_pitch\"><role>joint2</role></joint>\
+    <joint name=\"LF_roll\"><role>joint1</role><mechanicalReduction>1.5</mechanicalReduction></joint>\
+    <actuator name=\"a\"><role>actuator1</role><mechanicalReduction>9</mechanicalReduction></actuator></transmission>\
+    <ros2_control name=\"rf\" type=\"system\"><transmission name=\"knee\">\
+    <plugin>transmission_interface/FourBarLinkageTransmission</plugin>\
+    <joint name=\"RF_pitch\" role=\"joint1\"/>\
+    <joint name=\"RF_knee\" role=\"joint2\"><mechanical_reduction>-0.8</mechanical_reduction></joint>\
+    </transmission></ros2_control></robot>";
+
+#[test]
+fn transmissions_couple_the_motors_of_two_joints() {
+    let text = Made::quadruped().urdf().replace("</robot>", COUPLED);
+    let (_, robot) = imported(&text);
+    let joint = |name: &str| robot.joints.iter().find(|joint| joint.name == name).unwrap();
+    let ratios = |name: &str| -> Vec<_> {
+        let ratios = joint(name).motor_per_joint.iter();
+        let mut found: Vec<_> =
+            ratios.map(|of| (robot.joints[of.joint].name.as_str(), of.ratio)).collect();
+        found.sort_by(|a, b| a.0.cmp(b.0));
+        found
+    };
+    assert_eq!(ratios("LF_roll"), [("LF_pitch", 1.0), ("LF_roll", 1.5)]);
+    assert_eq!(ratios("LF_pitch"), [("LF_pitch", -1.0), ("LF_roll", 1.5)]);
+    assert_eq!(ratios("RF_knee"), [("RF_knee", -0.8), ("RF_pitch", 1.0)]);
+    assert_eq!(ratios("RF_pitch"), []);
+    // The joints have 12 N·m and 9 rad/s. Two motors share the load of a joint at a differential.
+    let limits = |name: &str| {
+        let motor = &joint(name).actuator;
+        [motor.torque_max_nm, motor.speed_max_rad_s].map(|limit| (limit * 1e6).round() / 1e6)
+    };
+    assert_eq!((limits("LF_roll"), limits("LF_pitch")), ([4.0, 13.5], [6.0, 9.0]));
+    assert_eq!((limits("RF_pitch"), limits("RF_knee")), ([12.0, 9.0], [15.0, 7.2]));
+}
+
+#[test]
+fn dampers_of_a_urdf_are_those_of_their_joints() {
+    let damped = "<dynamics damping=\"0.3\" friction=\"0.2\"/></joint>";
+    let text = Made::quadruped().urdf().replacen("</joint>", damped, 1);
+    let (_, robot) = imported(&text);
+    let dampers: Vec<_> = robot.joints.iter().filter_map(|joint| joint.spring).collect();
+    assert_eq!(dampers.len(), 1);
+    assert_eq!((dampers[0].stiffness_nm_rad, dampers[0].damping_nm_s_rad), (0.0, 0.3));
+}
+
 #[test]
 fn blank_limits_are_named() {
     let made = Made::quadruped().urdf();
@@ -228,6 +274,10 @@ fn couplings_and_loops_of_a_urdf_are_named() {
     assert!(warned(&of(&with(&geared)), &["<transmission> `t`"]));
     let coupled = simple.replace("Simple", "Differential");
     assert!(warned(&of(&with(&coupled)), &["<transmission> `t`"]));
+    let two = coupled.replace("<actuator", "<joint name=\"LF_pitch\"/><actuator");
+    assert!(warned(&of(&with(&two)), &["<transmission> `t`", "the motors turn both joints"]));
+    let other = two.replace("Differential", "Other");
+    assert!(warned(&of(&with(&other)), &["<transmission> `t`", "write `motor_per_joint`"]));
     let looped = "<gazebo><joint name=\"rod\" type=\"revolute\"><parent>LF_shank</parent><child>LF_thigh</child></joint></gazebo>";
     assert!(warned(&of(&with(looped)), &["<joint> `rod`", "closes a loop"]));
     let mimic = made.replacen("</joint>", "<mimic joint=\"RF_roll\"/></joint>", 1);

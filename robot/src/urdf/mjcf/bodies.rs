@@ -1,11 +1,11 @@
 //! `<body>`: links and joints. Actuators and equalities, by the joint that they act on.
 
 use super::couplings::{Coupling, couplings};
-use super::dropped::{has_spring, warn_springs};
 use super::home::Home;
+use super::loops::{Places, close};
 use super::model::FromGeoms;
 use super::numbers::{Element, Reader, called};
-use crate::document::Span;
+use super::springs::{Drive, Springs, is_undamped};
 use crate::file::parts::sum;
 use crate::urdf::elements::tag;
 use crate::urdf::model::{ITEMS_MAX, Joint, Kind, Limit, Link, Solid, Urdf};
@@ -31,6 +31,8 @@ type Item<'a, 'i> = (Element<'a, 'i>, Isometry3<f64>);
 struct Drives<'a> {
     /// Joints with an actuator.
     driven: HashSet<&'a str>,
+    /// Joints with a position servo without damping.
+    undamped: HashSet<&'a str>,
     /// Largest torque or force, N·m or N.
     effort: HashMap<&'a str, f64>,
     /// Joint that another one follows.
@@ -44,17 +46,24 @@ struct Drives<'a> {
 /// Data of joints that the reader collects over all bodies.
 struct Joints {
     home: Home,
-    /// Joints with a spring.
-    springs: Vec<(String, Span)>,
+    springs: Springs,
+    places: Places,
 }
 
-/// Links and joints of a model.
-pub fn read<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>) -> Urdf {
+/// Links and joints of a model, and the elements that its linkages replace.
+pub fn read<'a, 'i>(
+    root: Node<'a, 'i>,
+    reader: &mut Reader<'_, '_, '_, 'a, 'i>,
+) -> (Urdf, Vec<Node<'a, 'i>>) {
     let name = root.attribute("model").unwrap_or("robot").to_owned();
     let mut urdf = Urdf { name, ..Urdf::default() };
     let drives = drives(root, reader);
     urdf.lists_motors = !drives.driven.is_empty();
-    let mut joints = Joints { home: Home::read(root, reader), springs: Vec::new() };
+    let mut joints = Joints {
+        home: Home::read(root, reader),
+        springs: Springs::default(),
+        places: Places::default(),
+    };
     let mut open = Vec::new();
     for world in root.children().filter(|node| node.has_tag_name("worldbody")) {
         let items = items(reader, Element { node: world, class: None });
@@ -79,8 +88,9 @@ pub fn read<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>)
         open.extend(inner);
     }
     joints.home.check(&mut urdf, reader);
-    warn_springs(&joints.springs, reader);
-    urdf
+    joints.springs.warn(reader);
+    let closed = close(root, &joints.places, reader, &mut urdf);
+    (urdf, closed)
 }
 
 /// Elements in a body or in the world, inside and outside of `<frame>`, in the order of the file.
@@ -182,6 +192,8 @@ fn body<'a, 'i>(
             axis: Vector3::x_axis(),
             mimics: None,
             motor_per_joint: Vec::new(),
+            linkage: None,
+            spring: None,
             has_motor: false,
             limit: Limit::default(),
             home: None,
@@ -189,6 +201,7 @@ fn body<'a, 'i>(
     }
 
     let link_from_body = Isometry3::from(-anchor);
+    found.places.bodies.insert(name.clone(), link_from_body);
     let mut link = Link { name: name.clone(), span: tag(node), mass: None, shapes: Vec::new() };
     let is_given = items.iter().any(|(of, _)| of.node.has_tag_name("inertial"));
     let follows = match reader.model.from_geoms {
@@ -211,6 +224,12 @@ fn body<'a, 'i>(
                     masses.extend(geom.mass);
                     link.shapes.push(geom.shape);
                 }
+            }
+            "site" => {
+                let at = reader.vector(*of, "pos").unwrap_or_default();
+                let place = (name.clone(), (link_from_item * nalgebra::Point3::from(at)).coords);
+                let site = of.node.attribute("name").map(|site| (site.to_owned(), place));
+                found.places.sites.extend(site);
             }
             "body" => inner.push(Open {
                 of: *of,
@@ -279,10 +298,14 @@ fn read_joint<'a, 'i>(
     // Keyframes are in radians, independent of the file's unit.
     let home = found.home.take(if kind == Kind::Floating { 4 } else { 1 });
     let home = home.map(|home| home - scaled(reader, reference)).filter(|_| kind != Kind::Floating);
-    if has_spring(reader, of) {
-        found.springs.push((name.clone(), tag(of.node)));
-    }
     let own = reader.range(of, "actuatorfrcrange", "actuatorfrclimited");
+    let drive = match (drives.undamped.contains(&*name), drives.driven.contains(&*name)) {
+        (true, _) => Drive::Undamped,
+        (false, false) if own.is_none() && !drives.driven.is_empty() => Drive::None,
+        _ => Drive::Other,
+    };
+    let reference_rad = scaled(reader, reference);
+    let spring = turns.then(|| found.springs.read(reader, of, &name, reference_rad, drive));
     let own = own.map(|[low, high]| low.abs().max(high.abs()));
     let effort = own.into_iter().chain(drives.effort.get(&*name).copied()).reduce(f64::min);
     let limit = Limit {
@@ -302,6 +325,8 @@ fn read_joint<'a, 'i>(
         parent_from_joint,
         axis: body_from_joint.rotation * axis,
         mimics: drives.follows.get(&*name).cloned(),
+        linkage: None,
+        spring: spring.flatten(),
         motor_per_joint: drives.ratios.get(&*name).cloned().unwrap_or_default(),
         has_motor: own.is_some() || drives.driven.contains(&*name),
         limit,
@@ -314,6 +339,7 @@ fn read_joint<'a, 'i>(
 fn drives<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>) -> Drives<'a> {
     let mut drives = Drives {
         driven: HashSet::new(),
+        undamped: HashSet::new(),
         effort: HashMap::new(),
         follows: HashMap::new(),
         ratios: HashMap::new(),
@@ -337,6 +363,9 @@ fn drives<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>) -
             drives.rotors.extend(reader.number(tendon, "armature").map(|rotor| (joint, rotor)));
         }
         drives.driven.insert(joint);
+        if is_undamped(reader, of, node) {
+            drives.undamped.insert(joint);
+        }
         let gear = reader.numbers(of, "gear", 1, 6).and_then(|gear| gear.first().copied());
         let gear = gear.unwrap_or(1.0).abs();
         let mut range = reader.range(of, "forcerange", "forcelimited");

@@ -1,8 +1,7 @@
 //! Elements that constrain or drive the robot and that robot files lack. A warning names them.
 
 use super::couplings::couplings;
-use super::numbers::{Element, Reader};
-use crate::document::Span;
+use super::numbers::Reader;
 use crate::urdf::elements::tag;
 use crate::urdf::names::some_names;
 use roxmltree::Node;
@@ -13,8 +12,12 @@ const OTHER_TARGETS: [&str; 5] = ["tendon", "site", "body", "cranksite", "slider
 const SIDES: [&str; 8] =
     ["body1", "site1", "joint1", "tendon1", "body2", "site2", "joint2", "tendon2"];
 
-/// Warns of loops, tendons and actuators that the import drops, one line for each kind.
-pub fn warn<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>) {
+/// Warns of loops, tendons and actuators that the import drops, one line for each kind. `closed` are those of linkages.
+pub fn warn<'a, 'i>(
+    root: Node<'a, 'i>,
+    closed: &[Node<'a, 'i>],
+    reader: &mut Reader<'_, '_, '_, 'a, 'i>,
+) {
     let inside = |list: &'static str| {
         let lists = root.children().filter(move |node| node.has_tag_name(list));
         lists.flat_map(|list| list.children()).filter(|node| node.is_element())
@@ -24,7 +27,7 @@ pub fn warn<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>)
         (
             "equality",
             &["connect", "weld", "tendon", "flex"][..],
-            "robot files have no closed loops, so the linkage moves freely: lock its passive joints under [lock] of the side file",
+            "a loop is imported if it has a crank with a motor, a rod, parallel axes and joints without motors, as a four-bar or five-bar leg. Lock the passive joints of this one under [lock] of the side file; if a motor turns a joint by crank and rod, write `linkage` at this joint into the robot file",
         ),
         (
             "tendon",
@@ -34,7 +37,9 @@ pub fn warn<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>)
     ] {
         for kind in kinds {
             let is_dropped = |node: &Node<'_, '_>| {
-                node.has_tag_name(*kind) && couplings.iter().all(|of| of.tendon != *node)
+                node.has_tag_name(*kind)
+                    && !closed.contains(node)
+                    && couplings.iter().all(|of| of.tendon != *node)
             };
             let found: Vec<_> = inside(list).filter(is_dropped).collect();
             let Some(first) = found.first() else { continue };
@@ -66,19 +71,4 @@ fn name(node: Node<'_, '_>) -> String {
     }
     let sides: Vec<_> = SIDES.iter().filter_map(|side| node.attribute(*side)).collect();
     if sides.is_empty() { node.tag_name().name().to_owned() } else { sides.join(" – ") }
-}
-
-/// Warns of springs of joints, which robot files lack.
-pub fn warn_springs(springs: &[(String, Span)], reader: &mut Reader<'_, '_, '_, '_, '_>) {
-    if let Some((_, span)) = springs.first() {
-        let names = some_names(springs.iter().map(|(name, _)| name));
-        reader.notes.warn(span, format_args!(
-            "joint {names}: `stiffness` is not imported, because robot files have no springs; lock the joint if the spring alone holds it"
-        ));
-    }
-}
-
-/// True if a joint has a spring.
-pub fn has_spring<'a, 'i>(reader: &mut Reader<'_, '_, '_, 'a, 'i>, of: Element<'a, 'i>) -> bool {
-    reader.numbers(of, "stiffness", 1, 3).is_some_and(|stiffness| stiffness[0] > 0.0)
 }

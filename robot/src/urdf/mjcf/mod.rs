@@ -1,7 +1,7 @@
 //! MJCF, the models of MuJoCo, as the links and joints of a URDF: <https://mujoco.readthedocs.io/en/stable/XMLreference.html>.
 //!
 //! `model` has the settings and classes of defaults. `numbers` reads attributes and poses, `geoms` solids and their masses,
-//! `bodies` the tree, `home` the standing pose. `dropped` names elements that robot files lack. As in URDF, the frame of a
+//! `bodies` the tree, `springs` those of joints, `loops` cranks and rods, `home` the standing pose. `dropped` names elements that robot files lack. As in URDF, the frame of a
 //! link is that of its joint: the reader moves a body to the anchor of its joint. It reads neither meshes nor included files.
 
 mod bodies;
@@ -9,8 +9,10 @@ mod couplings;
 mod dropped;
 mod geoms;
 mod home;
+mod loops;
 mod model;
 mod numbers;
+mod springs;
 
 use super::model::Urdf;
 use super::notes::Notes;
@@ -59,8 +61,8 @@ pub(super) fn read(root: Node<'_, '_>, notes: &mut Notes<'_>) -> Result<Urdf, Do
         }
     }
     reader.notes.check()?;
-    let urdf = bodies::read(root, &mut reader);
-    dropped::warn(root, &mut reader);
+    let (urdf, closed) = bodies::read(root, &mut reader);
+    dropped::warn(root, &closed, &mut reader);
     reader.notes.check()?;
     if urdf.links.is_empty() {
         reader.fault(root, "the model has no <body>", "a robot is a <body> of <worldbody>");

@@ -1,0 +1,108 @@
+//! Springs and dampers of joints: `stiffness`, `springref` and `damping`.
+
+use super::numbers::{Element, Reader};
+use crate::document::Span;
+use crate::spring::JointSpring;
+use crate::urdf::elements::tag;
+use crate::urdf::names::some_names;
+use crate::urdf::toml_text::{key, show};
+use roxmltree::Node;
+
+/// Springs and dampers that the import does not take over as they are, with the tags of their joints.
+#[derive(Default)]
+pub struct Springs {
+    /// Joints with a spring and no motor, and its rest angle, rad.
+    passive: Vec<(String, f64, Span)>,
+    /// Joints whose damping is that of their servo.
+    of_servos: Vec<(String, Span)>,
+    /// Joints with a spring or damper that is not linear.
+    bent: Vec<(String, Span)>,
+}
+
+/// Motor of a joint.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Drive {
+    /// No actuator.
+    None,
+    /// Position servo without damping of its own.
+    Undamped,
+    /// Other actuator.
+    Other,
+}
+
+/// True for a position servo without damping, for which models use the damping of the joint.
+pub fn is_undamped<'a, 'i>(
+    reader: &mut Reader<'_, '_, '_, 'a, 'i>,
+    of: Element<'a, 'i>,
+    actuator: Node<'a, 'i>,
+) -> bool {
+    let damps = ["kv", "dampratio"].iter().any(|name| reader.word(of, name).is_some());
+    let bias = reader.numbers(of, "biasprm", 1, 10).unwrap_or_default();
+    let holds = actuator.has_tag_name("position")
+        || reader.word(of, "biastype") == Some("affine") && bias.get(1).is_some_and(|k| *k != 0.0);
+    holds && !damps && bias.get(2).is_none_or(|k| *k == 0.0)
+}
+
+impl Springs {
+    /// Reads spring and damper of a hinge. `reference_rad` is the angle of the file at angle 0.
+    pub fn read<'a, 'i>(
+        &mut self,
+        reader: &mut Reader<'_, '_, '_, 'a, 'i>,
+        of: Element<'a, 'i>,
+        name: &str,
+        reference_rad: f64,
+        drive: Drive,
+    ) -> Option<JointSpring> {
+        let [stiffness, damping] =
+            ["stiffness", "damping"].map(|name| reader.numbers(of, name, 1, 3).unwrap_or_default());
+        let linear = |of: &[f64]| of.first().copied().unwrap_or_default().max(0.0);
+        if [&stiffness, &damping].iter().any(|of| of.iter().skip(1).any(|k| *k != 0.0)) {
+            self.bent.push((name.to_owned(), tag(of.node)));
+        }
+        let rest = reader.number(of, "springref").unwrap_or_default();
+        let mut spring = JointSpring {
+            stiffness_nm_rad: linear(&stiffness),
+            rest_rad: reader.angle(rest) - reference_rad,
+            damping_nm_s_rad: linear(&damping),
+        };
+        if spring.stiffness_nm_rad == 0.0 {
+            spring.rest_rad = 0.0;
+        }
+        match drive {
+            Drive::None if spring.stiffness_nm_rad > 0.0 => {
+                self.passive.push((name.to_owned(), spring.rest_rad, tag(of.node)));
+            }
+            Drive::Undamped if spring.damping_nm_s_rad > 0.0 => {
+                self.of_servos.push((name.to_owned(), tag(of.node)));
+                spring.damping_nm_s_rad = 0.0;
+            }
+            _ => {}
+        }
+        let acts = spring.stiffness_nm_rad > 0.0 || spring.damping_nm_s_rad > 0.0;
+        acts.then_some(spring)
+    }
+
+    /// Warns of springs and dampers that the import changes.
+    pub fn warn(&self, reader: &mut Reader<'_, '_, '_, '_, '_>) {
+        if let Some((name, rest_rad, span)) = self.passive.first() {
+            let names = some_names(self.passive.iter().map(|(name, ..)| name));
+            reader.notes.warn(span, format_args!(
+                "joint {names}: has a spring and no actuator, and robot files have no joints without a motor; lock it where the spring holds it, such as {} = {} under [lock] of the side file",
+                key(name),
+                show(*rest_rad)
+            ));
+        }
+        if let Some((_, span)) = self.of_servos.first() {
+            let names = some_names(self.of_servos.iter().map(|(name, _)| name));
+            reader.notes.warn(span, format_args!(
+                "joint {names}: `damping` is not imported, because the <position> actuator of the joint has no `kv`, so this damping is that of the servo; give `kd_nm_s_rad` in the side file"
+            ));
+        }
+        if let Some((_, span)) = self.bent.first() {
+            let names = some_names(self.bent.iter().map(|(name, _)| name));
+            reader.notes.warn(span, format_args!(
+                "joint {names}: springs and dampers of robot files are linear, so the import takes the first number of `stiffness` and `damping`"
+            ));
+        }
+    }
+}
