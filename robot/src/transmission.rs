@@ -210,6 +210,15 @@ impl Ratios {
         total(motors.map(|of| of.ratio.abs() * robot.joints[of.joint].actuator.speed_max_rad_s))
     }
 
+    /// Torque on a joint if all of its motors are at their limits, N·m.
+    pub fn joint_torque_max_nm(&self, robot: &Robot, joint: usize) -> f64 {
+        let motors = self.motor_from_joints.iter().zip(&robot.joints);
+        total(motors.flat_map(|(row, of)| {
+            let on_joint = row.iter().filter(|ratio| ratio.joint == joint);
+            on_joint.map(|ratio| ratio.ratio.abs() * of.actuator.torque_max_nm)
+        }))
+    }
+
     /// Motor speeds from joint speeds.
     pub fn motors(&self, joints: &[f64]) -> Vec<f64> {
         self.motor_from_joints.iter().map(|row| sum(row, joints)).collect()

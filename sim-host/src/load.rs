@@ -51,7 +51,8 @@ pub fn motor_loads(tree: &Tree, motor_rad: &[f64], motor_rad_s: &[f64]) -> Vec<J
     (0..motor_rad.len()).map(motor).collect()
 }
 
-/// Inertia and weight of every joint at the pose `joint_rad`, in joint order. Rotors are excluded, since the tree has no armature.
+/// Inertia and weight of every joint at the pose `joint_rad`, in joint order. Rotors are excluded, since the tree has no
+/// armature.
 pub fn joint_loads(tree: &Tree, joint_rad: &[f64]) -> Vec<JointLoad> {
     let at = Configuration {
         base_position_m: Vector3::zeros(),

@@ -1,6 +1,6 @@
 //! Text description of a robot: tree, joints and end effectors.
 
-use rollwalk_robot::{Actuator, Robot};
+use rollwalk_robot::{Actuator, Channel, Joint, JointRatio, Robot};
 use rollwalk_terminal::output::Table;
 use std::fmt::Write;
 
@@ -42,6 +42,12 @@ pub fn describe(robot: &Robot) -> String {
         ]);
     }
     let _ = writeln!(text, "\n{}", joints.render());
+    if robot.joints.iter().any(Joint::is_coupled) {
+        let _ = writeln!(text, "\n{}", couplings(robot).render());
+    }
+    if robot.joints.iter().any(|joint| joint.spring.is_some()) {
+        let _ = writeln!(text, "\n{}", springs(robot).render());
+    }
 
     let mut contacts = Table::new([
         "end effector",
@@ -69,6 +75,56 @@ pub fn describe(robot: &Robot) -> String {
     }
     let _ = write!(text, "\n{}", contacts.render());
     text
+}
+
+/// Motors that turn other joints than their own, with their ranges, and the speeds and torques of all motors at the joints.
+fn couplings(robot: &Robot) -> Table {
+    let transmission = robot.transmission();
+    let ratios = transmission.nominal();
+    let mut table = Table::new([
+        "joint",
+        "motor min rad",
+        "motor max rad",
+        "motor per joint, nominal pose",
+        "joint rad/s",
+        "joint N·m",
+    ]);
+    for (index, joint) in robot.joints.iter().enumerate() {
+        let speed_rad_s = ratios.joint_speed_max_rad_s(robot, index);
+        let torque_nm = ratios.joint_torque_max_nm(robot, index);
+        let moves_alone = !joint.is_coupled() && torque_nm == joint.actuator.torque_max_nm;
+        if moves_alone && speed_rad_s == joint.actuator.speed_max_rad_s {
+            continue;
+        }
+        let channel = Channel::Joint(joint).config(robot);
+        let shown = |of: &JointRatio| format!("{:.3} {}", of.ratio, robot.joints[of.joint].name);
+        let shown: Vec<_> = ratios.ratios(index).iter().map(shown).collect();
+        table.row([
+            joint.name.clone(),
+            format!("{:.3}", channel.min),
+            format!("{:.3}", channel.max),
+            shown.join(" + "),
+            format!("{speed_rad_s:.2}"),
+            format!("{torque_nm:.2}"),
+        ]);
+    }
+    table
+}
+
+/// Springs and dampers of joints, with the torque of the spring in the nominal pose.
+fn springs(robot: &Robot) -> Table {
+    let mut table = Table::new(["joint", "N·m/rad", "rest rad", "N·m·s/rad", "nominal N·m"]);
+    for joint in &robot.joints {
+        let Some(spring) = &joint.spring else { continue };
+        table.row([
+            joint.name.clone(),
+            format!("{:.3}", spring.stiffness_nm_rad),
+            format!("{:.3}", spring.rest_rad),
+            format!("{:.3}", spring.damping_nm_s_rad),
+            format!("{:.3}", spring.torque_nm(joint.nominal_rad, 0.0)),
+        ]);
+    }
+    table
 }
 
 /// Draws `link` with the links below it.

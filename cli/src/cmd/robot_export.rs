@@ -2,6 +2,7 @@
 
 use super::standing::StandingReport;
 use miette::{IntoDiagnostic, miette};
+use rollwalk_robot::{Joint, Robot};
 use rollwalk_terminal::files::{self, Output};
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::{Exit, output};
@@ -54,6 +55,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     // The robot would also start in the ground of a simulator.
     let standing = StandingReport::new(&robot);
     output::print_warnings(standing.and_then(|standing| standing.shape_in_ground()).as_slice());
+    if ending != Some("xml") {
+        output::print_warnings(&left_out(&robot));
+    }
     let text = match (ending, &args.ros2_control) {
         (Some("xml" | "yaml"), Some(_)) => {
             return Err(miette!(
@@ -71,6 +75,28 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     place.write(text.into_diagnostic()?.as_bytes())?;
     place.comment(&format!("wrote {}", args.output.display()))?;
     Ok(Exit::Ok)
+}
+
+/// Warnings about couplings and springs, which URDF lacks.
+fn left_out(robot: &Robot) -> Vec<String> {
+    let names = |is: fn(&Joint) -> bool| -> String {
+        let joints = robot.joints.iter().filter(|joint| is(joint));
+        joints.map(|joint| format!("`{}`", joint.name)).collect::<Vec<_>>().join(", ")
+    };
+    let coupled = names(Joint::is_coupled);
+    let sprung = names(|joint| joint.spring.is_some_and(|spring| spring.stiffness_nm_rad > 0.0));
+    let mut warnings = Vec::new();
+    if !coupled.is_empty() {
+        warnings.push(format!(
+            "URDF has no coupled motors: `motor_per_joint` and `linkage` of {coupled} are left out, and angles, speeds and torques are those of the joints; export MJCF (-o ROBOT.xml) for the motors"
+        ));
+    }
+    if !sprung.is_empty() {
+        warnings.push(format!(
+            "URDF has no springs: `stiffness_nm_rad` of {sprung} is left out; export MJCF (-o ROBOT.xml) for springs"
+        ));
+    }
+    warnings
 }
 
 #[cfg(test)]

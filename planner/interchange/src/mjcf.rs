@@ -234,6 +234,11 @@ impl Bodies<'_> {
             HingeOrigin::Joint { joint, .. } => {
                 let range = numbers(&[joint.position_min_rad, joint.position_max_rad]);
                 attributes.push(("range", range));
+                if let Some(spring) = &joint.spring {
+                    attributes.push(("stiffness", spring.stiffness_nm_rad.to_string()));
+                    attributes.push(("springref", spring.rest_rad.to_string()));
+                    attributes.push(("damping", spring.damping_nm_s_rad.to_string()));
+                }
             }
             HingeOrigin::Wheel { number, wheel } => {
                 // Drag is proportional to the load of a contact, which MJCF cannot express. The load in the standing pose is

@@ -1,8 +1,9 @@
 //! URDF: <https://wiki.ros.org/urdf/XML>.
 //!
 //! Feet, blades and welded wheels become links on fixed joints, so that they have frames. Joints and axles have their names
-//! of telemetry. URDF cannot express kinds of contacts, friction, gains, rotors, torque-speed lines and buses;
-//! `rollwalk robot import` reads these from a side file.
+//! of telemetry. Limits of speed and torque are those of the joints, also if their motors are coupled. URDF cannot express
+//! kinds of contacts, friction, gains, rotors, torque-speed lines, couplings, springs and buses; `rollwalk robot import` reads
+//! most of these from a side file.
 
 use crate::bodies::{
     Blades, Body, Geometry, Hinge, HingeOrigin, Names, PlacedSolid, Role, WORLD, bodies,
@@ -10,7 +11,7 @@ use crate::bodies::{
 use crate::xml::{Xml, numbers, vector};
 use nalgebra::{Isometry3, Matrix3};
 use rollwalk_multibody::RigidPart;
-use rollwalk_robot::{Robot, Solid};
+use rollwalk_robot::{Ratios, Robot, Solid};
 use std::io;
 
 /// Writes a robot as URDF. `parts` are the solids of each link, for pictures.
@@ -37,9 +38,10 @@ pub fn urdf_with(
         for body in &bodies {
             link(xml, body)?;
         }
+        let transmission = robot.transmission();
         for body in &bodies {
             if let Some(of) = &body.hinge {
-                joint(xml, &bodies, body, of)?;
+                joint(xml, &bodies, body, of, limits(robot, transmission.nominal(), of))?;
             }
         }
         for foot in robot.end_effectors.iter().filter(|foot| !foot.contact.spins()) {
@@ -125,7 +127,26 @@ fn geometry(xml: &mut Xml, element: &str, solid: &PlacedSolid<'_>) -> io::Result
     }
 }
 
-fn joint(xml: &mut Xml, bodies: &[Body<'_>], body: &Body<'_>, of: &Hinge<'_>) -> io::Result<()> {
+/// Largest torque, N·m, and speed, rad/s, of a hinge; `None` without a motor.
+fn limits(robot: &Robot, ratios: &Ratios, of: &Hinge<'_>) -> Option<[f64; 2]> {
+    match of.of {
+        HingeOrigin::Joint { number, .. } => Some([
+            ratios.joint_torque_max_nm(robot, number),
+            ratios.joint_speed_max_rad_s(robot, number),
+        ]),
+        HingeOrigin::Wheel { .. } => {
+            of.of.actuator().map(|motor| [motor.torque_max_nm, motor.speed_max_rad_s])
+        }
+    }
+}
+
+fn joint(
+    xml: &mut Xml,
+    bodies: &[Body<'_>],
+    body: &Body<'_>,
+    of: &Hinge<'_>,
+    most: Option<[f64; 2]>,
+) -> io::Result<()> {
     let kind = match of.of {
         HingeOrigin::Joint { .. } => "revolute",
         HingeOrigin::Wheel { .. } => "continuous",
@@ -140,11 +161,19 @@ fn joint(xml: &mut Xml, bodies: &[Body<'_>], body: &Body<'_>, of: &Hinge<'_>) ->
             limits.push(("lower", joint.position_min_rad.to_string()));
             limits.push(("upper", joint.position_max_rad.to_string()));
         }
-        if let Some(motor) = of.of.actuator() {
-            limits.push(("effort", motor.torque_max_nm.to_string()));
-            limits.push(("velocity", motor.speed_max_rad_s.to_string()));
+        if let Some([torque_nm, speed_rad_s]) = most {
+            limits.push(("effort", torque_nm.to_string()));
+            limits.push(("velocity", speed_rad_s.to_string()));
         }
-        if limits.is_empty() { Ok(()) } else { xml.empty("limit", &limits) }
+        if !limits.is_empty() {
+            xml.empty("limit", &limits)?;
+        }
+        match of.of {
+            HingeOrigin::Joint { joint, .. } => joint.spring.map_or(Ok(()), |spring| {
+                xml.empty("dynamics", &[("damping", spring.damping_nm_s_rad.to_string())])
+            }),
+            HingeOrigin::Wheel { .. } => Ok(()),
+        }
     })
 }
 

@@ -160,7 +160,8 @@ def urdf_fields(path, expected):
     for name, limit in zip(expected["joints"], expected["limits"]):
         read = robot.joint_map[name].limit
         compare(f"{path}: limits of {name}", [read.lower, read.upper], limit["position_rad"])
-        compare(f"{path}: limits of {name}", [read.velocity, read.effort], [limit["speed_rad_s"], limit["torque_nm"]])
+        of_joint = [limit["joint_speed_rad_s"], limit["joint_torque_nm"]]
+        compare(f"{path}: limits of {name}", [read.velocity, read.effort], of_joint)
 
 
 if __name__ == "__main__":

@@ -110,14 +110,17 @@ fn poses(robot: &Robot) -> Value {
     let feet = robot.end_effectors.iter();
     let feet: Vec<_> =
         feet.map(|foot| json!({"name": foot.name, "spins": foot.contact.spins()})).collect();
+    let transmission = robot.transmission();
+    let ratios = transmission.nominal();
     json!({
         "mass_kg": robot.total_mass_kg(),
         "links": robot.links.iter().map(|link| &link.name).collect::<Vec<_>>(),
         "joints": robot.joints.iter().map(|joint| &joint.name).collect::<Vec<_>>(),
-        "limits": robot.joints.iter().map(|joint| json!({
+        "limits": robot.joints.iter().enumerate().map(|(number, joint)| json!({
             "position_rad": [joint.position_min_rad, joint.position_max_rad],
-            "speed_rad_s": joint.actuator.speed_max_rad_s,
             "torque_nm": joint.actuator.torque_max_nm,
+            "joint_speed_rad_s": ratios.joint_speed_max_rad_s(robot, number),
+            "joint_torque_nm": ratios.joint_torque_max_nm(robot, number),
             // The rotor of a coupled motor is at its tendon or crank.
             "armature_kg_m2": if joint.is_coupled() { 0.0 } else { joint.actuator.armature_kg_m2 },
         })).collect::<Vec<_>>(),

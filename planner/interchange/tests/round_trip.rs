@@ -114,7 +114,8 @@ fn cranks_and_rods_come_back_from_mjcf() {
     assert!((back.total_mass_kg() - robot.total_mass_kg()).abs() < 1e-9);
     assert_eq!(back.joints.len(), robot.joints.len());
     let motors = |of: &Robot, degrees: [f64; 2]| {
-        let angle = |joint: &Joint| degrees[usize::from(joint.name.ends_with("_knee"))].to_radians();
+        let angle =
+            |joint: &Joint| degrees[usize::from(joint.name.ends_with("_knee"))].to_radians();
         let angles: Vec<_> = of.joints.iter().map(angle).collect();
         of.transmission().motors(&angles)
     };

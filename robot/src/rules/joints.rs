@@ -103,8 +103,9 @@ impl Check<'_> {
         let degree = "; 1 N·m per degree is 57.3 N·m/rad";
         self.range("stiffness_nm_rad", stiffness_nm_rad, zero, kp_nm_rad, "N·m/rad", degree);
         self.range("damping_nm_s_rad", damping_nm_s_rad, zero, kd_nm_s_rad, "N·m·s/rad", "");
-        // The comparison is false for NaN.
-        if !(rest_rad.abs() <= REST_MAX_RAD) {
+        // False for NaN.
+        let fits = rest_rad.abs() <= REST_MAX_RAD;
+        if !fits {
             let help = format!(
                 "give an angle within ±{REST_MAX_RAD} rad; {rest_rad} degrees would be {:.4} rad",
                 rest_rad.to_radians()

@@ -79,7 +79,9 @@ pub(super) fn narrow(joints: &mut [DraftJoint], fixed: &[bool]) -> Vec<usize> {
     for index in 0..joints.len() {
         let joint = &robot.joints[index];
         let crank = joint.linkage.as_ref().and_then(|of| CrankMap::new(&robot, joint, of));
-        let Some(crank) = crank.filter(|crank| crank.joints().count() <= PATH_MAX) else { continue };
+        let Some(crank) = crank.filter(|crank| crank.joints().count() <= PATH_MAX) else {
+            continue;
+        };
         let path: Vec<_> = crank.joints().filter(|&joint| !fixed[joint]).collect();
         let wide = robot.joints.clone();
         let shares = (1..=SHARES).rev().map(|share| f64::from(share) / f64::from(SHARES));

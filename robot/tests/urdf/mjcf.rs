@@ -309,8 +309,12 @@ fn cranked(rod_on_crank: bool) -> String {
             "<motor joint=\"{leg}_hip\" ctrlrange=\"-9 9\"/><motor joint=\"{leg}_servo\" ctrlrange=\"-7 7\"/>"
         );
         loops += &match rod_on_crank {
-            true => format!("<connect body1=\"{leg}_rod\" body2=\"{leg}_shank\" anchor=\"0 0 -0.2\"/>"),
-            false => format!("<connect body1=\"{leg}_crank\" body2=\"{leg}_rod\" anchor=\"0.04 0 0\"/>"),
+            true => {
+                format!("<connect body1=\"{leg}_rod\" body2=\"{leg}_shank\" anchor=\"0 0 -0.2\"/>")
+            }
+            false => {
+                format!("<connect body1=\"{leg}_crank\" body2=\"{leg}_rod\" anchor=\"0.04 0 0\"/>")
+            }
         };
     }
     let lists = format!("<actuator>{motors}</actuator><equality>{loops}</equality></mujoco>");
@@ -355,7 +359,10 @@ fn loops_with_other_motors_or_axes_are_named() {
     for (from, to) in [
         ("<motor joint=\"fl_servo\" ctrlrange=\"-7 7\"/>", ""),
         ("name=\"fl_pin\" axis=\"0 1 0\"", "name=\"fl_pin\" axis=\"1 0 0\""),
-        ("<motor joint=\"fl_servo\"", "<motor joint=\"fl_knee\" ctrlrange=\"-7 7\"/><motor joint=\"fl_servo\""),
+        (
+            "<motor joint=\"fl_servo\"",
+            "<motor joint=\"fl_knee\" ctrlrange=\"-7 7\"/><motor joint=\"fl_servo\"",
+        ),
     ] {
         assert!(text.contains(from));
         let survey = surveyed(&text.replace(from, to)).unwrap();
@@ -363,6 +370,8 @@ fn loops_with_other_motors_or_axes_are_named() {
             warning.contains("<connect> `fl_rod – fl_shank`") && warning.contains("write `linkage`")
         };
         assert!(survey.warnings.iter().any(names), "{to}: {:?}", survey.warnings);
-        assert!(survey.warnings.iter().any(|w| w.contains("`rr_knee`") || w.contains("and rod become")));
+        assert!(
+            survey.warnings.iter().any(|w| w.contains("`rr_knee`") || w.contains("and rod become"))
+        );
     }
 }

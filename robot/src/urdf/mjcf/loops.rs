@@ -112,7 +112,7 @@ pub fn close<'a, 'i>(
     closed
 }
 
-/// Both ends of a `<connect>`.
+/// Ends of a `<connect>`.
 fn connected<'a, 'i>(
     tree: &Tree<'_>,
     places: &Places,
@@ -136,7 +136,7 @@ fn connected<'a, 'i>(
     Some([End { link: one, point_m }, End { link: other, point_m: opposite_m }])
 }
 
-/// Both ends of a tendon between two sites.
+/// Ends of a tendon between two sites.
 fn tied(places: &Places, tendon: Node<'_, '_>) -> Option<[End; 2]> {
     let parts: Vec<_> = tendon.children().filter(Node::is_element).collect();
     let site = |node: &Node<'_, '_>| {
@@ -250,7 +250,7 @@ impl<'u> Tree<'u> {
         link.and_then(|link| link.mass).map_or(0.0, |mass| mass.mass_kg)
     }
 
-    /// True if the link of the crank carries the turned link, and all axes of the loop are parallel.
+    /// True if the link of the crank carries the turned link by joints with motors, and all axes of the loop are parallel.
     fn is_planar(&self, rod: &Rod) -> bool {
         let carrier = &self.urdf.joints[rod.crank].parent;
         let mut path = vec![rod.turned];
@@ -272,10 +272,13 @@ impl<'u> Tree<'u> {
         };
         let Some(axis) = direction(rod.crank) else { return false };
         let moves = |joint: &&usize| self.urdf.joints[**joint].kind != Kind::Fixed;
-        path.iter().filter(moves).chain(rod.body.as_ref()).all(|&joint| {
-            self.urdf.joints[joint].turns()
-                && direction(joint).is_some_and(|other| axis.cross(&other).norm() < PARALLEL)
-        })
+        let are_driven =
+            path.iter().skip(1).filter(moves).all(|&joint| self.urdf.joints[joint].has_motor);
+        are_driven
+            && path.iter().filter(moves).chain(rod.body.as_ref()).all(|&joint| {
+                self.urdf.joints[joint].turns()
+                    && direction(joint).is_some_and(|other| axis.cross(&other).norm() < PARALLEL)
+            })
     }
 }
 

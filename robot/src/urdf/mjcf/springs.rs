@@ -22,7 +22,7 @@ pub struct Springs {
 /// Motor of a joint.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Drive {
-    /// No actuator.
+    /// Joint without an actuator.
     None,
     /// Position servo without damping of its own.
     Undamped,
