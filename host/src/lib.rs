@@ -43,6 +43,7 @@
 pub mod actuators;
 pub mod authentication;
 pub mod catalog;
+mod chunks;
 pub mod client;
 pub mod dbc;
 pub mod decode;

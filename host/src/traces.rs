@@ -1,7 +1,9 @@
 //! Commanded and measured motion of a robot's motors over time, from telemetry files and logs of actuator buses. Times are in
 //! seconds since the first message.
 
+use crate::chunks::Zstd;
 use crate::telemetry::JointStates;
+use mcap::McapError;
 use mcap::io::MessageReader;
 use mcap::sans_io::LinearReaderOptions;
 use rollwalk_bus::candump::LogEntry;
@@ -43,7 +45,13 @@ pub struct Traces {
 pub enum TraceError {
     /// Unreadable MCAP file.
     #[error("it is not a readable MCAP file: {0}")]
-    Mcap(#[from] mcap::McapError),
+    Mcap(#[from] McapError),
+    /// Chunks with an unsupported compression.
+    #[error(
+        "its chunks are compressed by `{0}`, but only zstd is supported: run `mcap compress \
+         --compression zstd RUN.mcap -o NEW.mcap`"
+    )]
+    Compression(String),
     /// Compressed chunks that are far larger than the file.
     #[error(
         "its compressed chunks unpack to {unpacked} bytes, but the limit for a file of this size \
@@ -105,7 +113,7 @@ const PLANNED_GAP_S: f64 = 0.25;
 /// Longest interval between set-points of a drive, s.
 const SETPOINT_GAP_S: f64 = 0.1;
 
-/// Reads a file of `rollwalk monitor --mcap`. The file may be incomplete, or compressed by other tools.
+/// Reads a file of `rollwalk monitor --mcap`. The file may be incomplete, or compressed with zstd by other tools.
 ///
 /// # Errors
 /// Returns an error if the file cannot be read or lacks a topic or motor.
@@ -118,7 +126,8 @@ pub fn of_mcap(bytes: &[u8], config: &RobotConfig, names: &[String]) -> Result<T
     // The reader takes at most the declared size out of a chunk.
     let options = LinearReaderOptions::default().with_skip_end_magic(true);
     let options = options.with_record_length_limit(RECORD_MAX);
-    let messages = MessageReader::new_with_options(bytes, options);
+    let mut messages = MessageReader::new_with_options(bytes, options);
+    messages.add_decompressor(Zstd::default())?;
     let mut turns: BTreeMap<&str, Vec<(u64, JointStates)>> = BTreeMap::new();
     let mut cut_off = None;
     for message in messages {
@@ -137,7 +146,10 @@ pub fn of_mcap(bytes: &[u8], config: &RobotConfig, names: &[String]) -> Result<T
     }
     // Data before the end or the damage suffices. Otherwise the damage is the reason of the error.
     if let Some(error) = cut_off.filter(|_| turns.len() < 2) {
-        return Err(error.into());
+        return Err(match error {
+            McapError::UnsupportedCompression(name) => TraceError::Compression(name),
+            error => error.into(),
+        });
     }
     let mut of = |topic, why| turns.remove(topic).ok_or(TraceError::Topic(topic, why));
     let measured =
@@ -429,7 +441,8 @@ mod tests {
         }
         writer.finish().unwrap();
         drop(writer);
-        let traces = of_mcap(&file.into_inner(), &config, &names).unwrap();
+        let mut bytes = file.into_inner();
+        let traces = of_mcap(&bytes, &config, &names).unwrap();
         assert_eq!(traces.commanded_s.len(), 2);
         assert!((traces.commanded_s[1][0] - 1.5).abs() < 1e-6);
         for channel in 0..2 {
@@ -442,6 +455,16 @@ mod tests {
         }
         near(&traces.motors[2].target_rad_s, |_| 2.0, 1e-9);
         assert!(of_mcap(b"time_s,x", &config, &names).is_err());
+        // Half of the file, which ends within a compressed chunk.
+        assert!(of_mcap(&bytes[..bytes.len() / 2], &config, &names).is_err());
+        while let Some(at) = bytes.windows(4).position(|name| name == b"zstd") {
+            bytes[at..at + 4].copy_from_slice(b"lz4f");
+        }
+        let error = of_mcap(&bytes, &config, &names).unwrap_err().to_string();
+        assert!(
+            error.contains("`lz4f`, but only zstd") && error.contains("mcap compress"),
+            "{error}"
+        );
     }
 
     /// File of one compressed chunk, which declares `declared` bytes and contains `zeros` bytes.
