@@ -112,6 +112,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let ParsedProblem { robot, motion, from } = problem.parse(origin)?;
     let place = Output::at(&args.output)?;
     print_robot_warnings(&robot, &problem.robot);
+    output::print_warnings(&motion.warnings(&robot));
     if let Some(path) = &args.dump {
         let dump = Output::at(path)?;
         place.apart_from(&dump)?;

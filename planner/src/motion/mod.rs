@@ -11,6 +11,7 @@ mod footing;
 mod moment;
 mod phases;
 pub(crate) mod swing;
+mod warnings;
 mod wheels;
 
 pub use choreography::{HeightLimit, Subject, Target};

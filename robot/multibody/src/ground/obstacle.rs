@@ -7,7 +7,7 @@ use super::{Capsule, Cuboid, Ground, Surface, Union};
 use crate::clearance::{PairDistance, PlacedPart, PlacedShape};
 use crate::distance::{self, OrientedBox};
 use crate::{Frames, Tree};
-use nalgebra::{Isometry3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Rotation3, Unit, Vector3};
 use rollwalk_robot::shape::Shape;
 use rollwalk_robot::{EndEffector, Robot};
 use std::any::Any;
@@ -50,17 +50,16 @@ impl ObstacleShape {
         }
     }
 
-    /// Shape turned about the vertical through the origin by an angle, rad.
+    /// Shape moved by a pose.
     #[must_use]
-    pub fn turned(&self, heading_rad: f64) -> Self {
-        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading_rad);
+    pub fn moved(&self, by: &Isometry3<f64>) -> Self {
         match self {
             Self::Box(Cuboid { world_from_box, half_m }) => {
-                let turn = Isometry3::from_parts(Translation3::identity(), turn);
-                Self::Box(Cuboid { world_from_box: turn * world_from_box, half_m: *half_m })
+                Self::Box(Cuboid { world_from_box: by * world_from_box, half_m: *half_m })
             }
             Self::Capsule(Capsule { ends, radius_m }) => {
-                Self::Capsule(Capsule { ends: ends.map(|end| turn * end), radius_m: *radius_m })
+                let ends = ends.map(|end| by.transform_point(&end.into()).coords);
+                Self::Capsule(Capsule { ends, radius_m: *radius_m })
             }
         }
     }
@@ -258,6 +257,12 @@ impl Part {
 }
 
 impl Obstacle {
+    /// Obstacle moved by a pose.
+    #[must_use]
+    pub fn moved(&self, by: &Isometry3<f64>) -> Self {
+        Self { shape: self.shape.moved(by), ..self.clone() }
+    }
+
     /// Distance of a part of a robot, with derivatives for a motion of the part; `None` if it is at least `within_m`.
     pub fn distance(&self, part: &PlacedPart, within_m: f64) -> Option<PairDistance> {
         let (middle, reach_m) = self.shape.enclosing();

@@ -19,10 +19,9 @@ const SIZE_MIN_M: f64 = 0.001;
 /// Reads the obstacles of a terrain file, and turns them with its terrain.
 pub(super) fn obstacles(root: &Table<'_>, heading_rad: f64) -> Option<Vec<Obstacle>> {
     let tables = root.tables_up_to(KEY, OBSTACLES_MAX);
-    let read = tables.into_iter().enumerate().map(|(index, table)| {
-        let obstacle = obstacle(table, index)?;
-        Some(Obstacle { shape: obstacle.shape.turned(heading_rad), ..obstacle })
-    });
+    let turn = Isometry3::new(Vector3::zeros(), Vector3::z() * heading_rad);
+    let read = tables.into_iter().enumerate();
+    let read = read.map(|(index, table)| Some(obstacle(table, index)?.moved(&turn)));
     // All tables are read, so that all faults are found.
     let read: Vec<_> = read.collect();
     read.into_iter().collect()
