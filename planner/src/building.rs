@@ -73,11 +73,11 @@ pub enum LibraryMismatch {
         /// Name of the plan file.
         at: String,
     },
-    /// A motion is for a terrain.
+    /// A motion is for a terrain, and its name in the library does not say so.
     #[error("{library}: motion `{motion}` is for a terrain (see {at})")]
     #[diagnostic(help(
-        "leave the motion out: a library holds motions for level ground, because the controller \
-         does not know where the terrain begins"
+        "name it after its place, such as `{motion}@stairs`: the controller does not know where \
+         the terrain begins, so operators must see where they may play the motion"
     ))]
     Terrain {
         /// Name of the library file.
@@ -161,7 +161,8 @@ impl Contents {
                     (other, at, advice)
                 }
             };
-            if motions.last().is_some_and(|motion: &Motion| motion.terrain.is_some()) {
+            let on_terrain = |motion: &Motion| motion.terrain.is_some();
+            if motions.last().is_some_and(on_terrain) && !names_place(&item.name) {
                 let (library, motion) = (name.to_owned(), item.name.clone());
                 return Err(shelf.misfit(LibraryMismatch::Terrain { library, motion, at }));
             }
@@ -190,6 +191,11 @@ impl Contents {
         let Self { robot, file, motions, plans } = self;
         LibraryRequest { robot, file, motions, plans }
     }
+}
+
+/// Returns true if a name in a library says where the motion is played: a name, an @ and a place.
+fn names_place(name: &str) -> bool {
+    name.split_once('@').is_some_and(|(motion, place)| !motion.is_empty() && !place.is_empty())
 }
 
 /// Solver for the motions and transitions of a library, which are planned one after the other. Methods return `None` if the

@@ -69,6 +69,42 @@ fn a_robot_goes_round_an_obstacle_that_it_would_hit() {
         .fails(1, &["`obstacle` is no key of a motion file", "name it in `terrain`"]);
 }
 
+#[test]
+fn a_library_holds_a_motion_over_a_kerb_and_plays_it_there() {
+    let desk = desk_with_shipped_files();
+    desk.write("kerb.toml", "[step]\nat_x_m = 0.5\nheight_m = 0.015\n");
+    let drive = desk.read_text("motions/drive_1m.toml");
+    let drive = drive.replacen("robot = \"../", "robot = \"", 1).replacen("= 25", "= 60", 1);
+    desk.write("over.toml", format!("terrain = \"kerb.toml\"\n{drive}"));
+    let library = |name: &str| {
+        format!(
+            "name = \"kerbs\"\nrobot = \"robots/agilebot.toml\"\nsafe = \"stand\"\n\
+             [[motion]]\nname = \"stand\"\nfile = \"motions/stand.toml\"\ncode = 1\n\
+             [[motion]]\nname = \"{name}\"\nfile = \"over.toml\"\ncode = 2\n\
+             [via_safe]\nduration_s = 1.2\nsamples = 25\n"
+        )
+    };
+    desk.write("kerbs.toml", library("over"));
+    desk.run(&["library", "build", "kerbs.toml", "-o", "kerbs.rwl"])
+        .fails(1, &["motion `over` is for a terrain", "such as `over@stairs`"]);
+    desk.write("kerbs.toml", library("over@kerb"));
+    desk.make(&["library", "build", "kerbs.toml", "-o", "kerbs.rwl"]);
+    let told = desk.run(&["simulate", "kerbs.rwl", "--terrain", "kerb.toml", "--json"]).succeeds();
+    let told: Value = serde_json::from_str(&told).unwrap();
+    let travels = told["travels"].as_array().unwrap();
+    let over = travels.iter().find(|travel| travel["name"] == "over@kerb").expect("it is played");
+    let ahead_m = over["forward_m"].as_f64().unwrap();
+    assert!((0.95..1.05).contains(&ahead_m), "{ahead_m}");
+    assert_eq!(told["falls"], Value::Array(Vec::new()));
+    // The motion may not end half-way up.
+    desk.write(
+        "over.toml",
+        format!("terrain = \"kerb.toml\"\n{}", drive.replacen("= 1.0", "= 0.5", 1)),
+    );
+    desk.run(&["library", "build", "kerbs.toml", "-o", "kerbs.rwl"])
+        .fails(1, &["`over@kerb`, whose feet stand at heights from 0 to 15 mm", "on level parts"]);
+}
+
 /// Presses Ctrl-C in the first of 10,000 cycles of a loop. The robot must return to SAFE and be disarmed, and the results must
 /// report the interruption.
 #[test]

@@ -43,6 +43,21 @@ pub enum TransitionError {
         /// Robot of the motion `to`.
         to_robot: String,
     },
+    /// A motion on terrain begins or ends on uneven ground.
+    #[error(
+        "transition `{name}` joins `{motion}`, whose feet stand at heights from {low_mm:.0} to \
+         {high_mm:.0} mm there; begin and end motions of a library on level parts of their terrain"
+    )]
+    Uneven {
+        /// Name of the transition.
+        name: String,
+        /// Name of the motion.
+        motion: String,
+        /// Height of the lowest foot in stance, mm.
+        low_mm: f64,
+        /// Height of the highest foot in stance, mm.
+        high_mm: f64,
+    },
     /// Stance feet at an end of the transition differ from those of the motion there.
     #[error(
         "transition `{name}` joins `{motion}` with other feet in stance than `{motion}` has there; \
@@ -99,6 +114,13 @@ pub fn optimise_transition(
             });
         }
     }
+    for (plan, time_s) in [(from, from.motion.exit_time_s()), (to, 0.0)] {
+        let [low_mm, high_mm] = stance_heights_m(plan, time_s).map(|height_m| 1e3 * height_m);
+        if high_mm - low_mm > LEVEL_MM {
+            let (name, motion) = (motion.name.clone(), plan.motion.name.clone());
+            return Err(TransitionError::Uneven { name, motion, low_mm, high_mm });
+        }
+    }
     let joined = MotionPair { from, to };
     let request = Request { robot: &from.robot, motion, options };
     let effort = &mut Effort::new(&options.structures, progress);
@@ -153,12 +175,27 @@ impl MotionPair<'_> {
     }
 }
 
+/// Largest difference of heights of feet on level ground, mm.
+const LEVEL_MM: f64 = 2.0;
+
+/// Lowest and highest contact of a plan on terrain in stance, m; 0 on level ground and in flight.
+fn stance_heights_m(plan: &Plan, time_s: f64) -> [f64; 2] {
+    if plan.motion.terrain.is_none() {
+        return [0.0; 2];
+    }
+    let here = PlanSpline::new(plan).sample(time_s);
+    let standing = here.end_effectors.iter().filter(|end| end.contact);
+    let heights_m = standing.map(|end| [end.position_m[2]; 2]);
+    let both = |[low, high]: [f64; 2], [other, _]: [f64; 2]| [low.min(other), high.max(other)];
+    heights_m.reduce(both).unwrap_or_default()
+}
+
 /// Time step of the difference quotient for the velocity of a spline, s. With accelerations of 20 rad/s², the error is 1e-4
 /// rad/s.
 const VELOCITY_STEP_S: f64 = 1e-5;
 
 /// State of a plan at one time, and that state extrapolated by one interval at its velocity. Both are moved so that the base at
-/// the time itself is at the origin with heading 0.
+/// the time itself is at the origin with heading 0, and lowered from the landing of a terrain to the plane z = 0.
 ///
 /// `step_s` is the interval, negative at the motion that the transition leaves. The velocity is a one-sided difference within
 /// the plan.
@@ -178,8 +215,10 @@ fn prescribed_end(model: &Model, ground: &Footing, moment: Moment, step_s: f64) 
     for dof in 0..layout.dofs {
         beyond[dof] += (inside[dof] - here[dof]) / inside_s * step_s;
     }
+    let ground_m = stance_heights_m(moment.plan, moment.time_s)[0];
     let local = |vars: &DVector<f64>| {
         let mut vars = Lift::PlacedBack.apply(&layout, vars, &origin);
+        layout.points().for_each(|point| vars[point + 2] -= ground_m);
         guess::follow_kinematics(model, &layout, ground, &mut vars);
         vars
     };
