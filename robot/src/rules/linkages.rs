@@ -8,8 +8,10 @@ use std::f64::consts::TAU;
 /// Smallest sine of the angles between crank and rod, and between rod and the lever of the joint: 10 degrees. A linkage is
 /// singular where one of them is 0.
 pub(crate) const SINE_MIN: f64 = 0.17;
-/// Number of angles of each joint at which a linkage is checked.
+/// Smallest number of angles of each joint at which a linkage is checked.
 const ANGLES: usize = 13;
+/// Largest step between these angles, rad. Within 10 degrees of a singular pose, crank and rod turn by 0.35 rad.
+const STEP_RAD: f64 = 0.2;
 /// Maximum number of joints between the servo's link and the child link.
 pub(crate) const PATH_MAX: usize = 3;
 
@@ -21,14 +23,20 @@ pub(crate) fn for_each_pose(
 ) {
     let path: Vec<_> = crank.joints().collect();
     let mut joint_rad: Vec<_> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
-    for pose in 0..ANGLES.pow(path.len().min(PATH_MAX) as u32) {
+    let angles = |&index: &usize| {
+        let joint = &robot.joints[index];
+        let steps = (joint.position_max_rad - joint.position_min_rad) / STEP_RAD;
+        (index, ANGLES.max(steps.ceil() as usize + 1))
+    };
+    let counts: Vec<_> = path.iter().take(PATH_MAX).map(angles).collect();
+    for pose in 0..counts.iter().map(|(_, count)| count).product() {
         let mut rest = pose;
-        for &index in path.iter().take(PATH_MAX) {
+        for &(index, count) in &counts {
             let joint = &robot.joints[index];
-            let part = (rest % ANGLES) as f64 / (ANGLES - 1) as f64;
+            let part = (rest % count) as f64 / (count - 1) as f64;
             joint_rad[index] =
                 joint.position_min_rad * (1.0 - part) + joint.position_max_rad * part;
-            rest /= ANGLES;
+            rest /= count;
         }
         if !visit(&joint_rad) {
             return;

@@ -10,8 +10,9 @@ use nalgebra::{Isometry3, Point3, Rotation3, Unit, Vector3};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// Number of parts of a range that [`narrow`] tries.
-const SHARES: u32 = 20;
+/// Number of shares of a range that [`narrow`] tries, and the ratio of one to the next.
+const SHARES: i32 = 45;
+const SHARE: f64 = 0.9;
 
 /// Places of a linkage in the robot file.
 pub(super) struct Placed {
@@ -84,21 +85,42 @@ pub(super) fn narrow(joints: &mut [DraftJoint], fixed: &[bool]) -> Vec<usize> {
         };
         let path: Vec<_> = crank.joints().filter(|&joint| !fixed[joint]).collect();
         let wide = robot.joints.clone();
-        let shares = (1..=SHARES).rev().map(|share| f64::from(share) / f64::from(SHARES));
-        let fitting = shares.into_iter().find(|share| {
-            for &joint in &path {
-                let (of, wide) = (&mut robot.joints[joint], &wide[joint]);
-                let scaled = |limit: f64| wide.nominal_rad + share * (limit - wide.nominal_rad);
-                of.position_min_rad = scaled(wide.position_min_rad);
-                of.position_max_rad = scaled(wide.position_max_rad);
-            }
+        let set = |robot: &mut Robot, joint: usize, [lower, upper]: [f64; 2]| {
+            let (of, wide) = (&mut robot.joints[joint], &wide[joint]);
+            let scaled =
+                |share: f64, limit: f64| wide.nominal_rad + share * (limit - wide.nominal_rad);
+            of.position_min_rad = scaled(lower, wide.position_min_rad);
+            of.position_max_rad = scaled(upper, wide.position_max_rad);
+        };
+        let shares: Vec<_> = (0..SHARES).map(|power| SHARE.powi(power)).collect();
+        let fitting = shares.iter().position(|&share| {
+            path.iter().for_each(|&joint| set(&mut robot, joint, [share; 2]));
             closes(&robot, &crank)
         });
-        match fitting {
-            // The rules name a linkage that does not close.
-            None => robot.joints = wide,
-            Some(share) if share < 1.0 => narrowed.extend(path),
-            Some(_) => {}
+        // The rules name a linkage that does not close.
+        let Some(fitting) = fitting else {
+            robot.joints = wide;
+            continue;
+        };
+        if fitting == 0 {
+            continue;
+        }
+        // One end after the other may be wider than all ends together.
+        for &joint in &path {
+            let mut own = [shares[fitting]; 2];
+            for end in 0..2 {
+                let wider = shares[..fitting].iter().find(|&&share| {
+                    let mut trial = own;
+                    trial[end] = share;
+                    set(&mut robot, joint, trial);
+                    closes(&robot, &crank)
+                });
+                own[end] = wider.copied().unwrap_or(own[end]);
+                set(&mut robot, joint, own);
+            }
+            if own != [1.0; 2] {
+                narrowed.push(joint);
+            }
         }
     }
     narrowed.sort_unstable();

@@ -354,6 +354,20 @@ fn loops_of_crank_and_rod_become_linkages() {
 }
 
 #[test]
+fn limits_that_a_loop_does_not_allow_are_narrowed() {
+    let text = cranked(true).replace(" range=\"-70 60\"", "");
+    let survey = surveyed(&text).unwrap();
+    let side = Text { name: "side.toml", text: &survey.template };
+    let imported = import(Text { name: "robot.xml", text: &text }, side).unwrap();
+    let narrows = |warning: &String| warning.contains("`fl_knee`") && warning.contains("narrows");
+    assert!(imported.warnings.iter().any(narrows), "{:?}", imported.warnings);
+    let knee = imported.robot.joints.iter().find(|joint| joint.name == "fl_knee").unwrap();
+    // The parallelogram is singular where shank and thigh are in line with the crank, at a quarter of a turn.
+    let range = [knee.position_min_rad, knee.position_max_rad];
+    assert!(range[0] > -1.5 && range[1] < 1.5 && range[1] - range[0] > 0.3, "{range:?}");
+}
+
+#[test]
 fn loops_with_other_motors_or_axes_are_named() {
     let text = cranked(true);
     for (from, to) in [
