@@ -373,11 +373,13 @@ pub(super) fn idle_joints(bodies: &Bodies, tips: &[usize]) -> Vec<usize> {
     (0..bodies.moving.len()).filter(|&joint| !carries[bodies.moving[joint].child]).collect()
 }
 
-/// Position of a locked joint in the proposed side file: nearest to 0 within its limits, rad or m.
+/// Position of a locked joint in the proposed side file: nearest to 0, or to the offset of a `<mimic>`, within its limits, rad
+/// or m.
 pub(super) fn locked_position(joint: &Joint) -> f64 {
+    let wanted = joint.mimics.as_ref().map_or(0.0, |mimic| mimic.offset);
     match (joint.kind, joint.limit.lower, joint.limit.upper) {
         (Kind::Planar | Kind::Floating, _, _) => 0.0,
-        (_, Some(lower), Some(upper)) if lower <= upper => 0.0_f64.clamp(lower, upper),
-        _ => 0.0,
+        (_, Some(lower), Some(upper)) if lower <= upper => wanted.clamp(lower, upper),
+        _ => wanted,
     }
 }

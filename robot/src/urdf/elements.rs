@@ -1,6 +1,6 @@
 //! Reader of the XML elements of a URDF: numbers, `<origin>`, `<inertial>`, shapes, `<link>`, `<joint>`.
 
-use super::model::{Joint, Kind, Limit, Link, Shape, Solid};
+use super::model::{Joint, Kind, Limit, Link, Mimic, Shape, Solid};
 use super::notes::Notes;
 use crate::document::{Span, alternatives};
 use crate::file::parts::MassProperties;
@@ -242,7 +242,11 @@ impl Reader<'_, '_> {
             self.required(element, "link").map(str::to_owned)
         });
         let axis = self.axis(node, &name, kind);
-        let mimics = child(node, "mimic").map(|m| m.attribute("joint").unwrap_or("?").to_owned());
+        let mimics = child(node, "mimic").map(|mimic| Mimic {
+            joint: mimic.attribute("joint").unwrap_or("?").to_owned(),
+            multiplier: self.number(mimic, "multiplier").unwrap_or(1.0),
+            offset: self.number(mimic, "offset").unwrap_or(0.0),
+        });
         let mut limit = Limit::default();
         if let Some(element) = child(node, "limit") {
             limit.lower = self.number(element, "lower");

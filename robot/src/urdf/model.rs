@@ -82,8 +82,8 @@ pub(super) struct Joint {
     pub child: String,
     pub parent_from_joint: Isometry3<f64>,
     pub axis: Unit<Vector3<f64>>,
-    /// Joint that this one follows.
-    pub mimics: Option<String>,
+    /// Joint that this one follows, with the law.
+    pub mimics: Option<Mimic>,
     /// Joints that the motor turns, with radians of the motor per radian; empty for a motor of this joint alone.
     pub motor_per_joint: Vec<(String, f64)>,
     /// Crank and rod of the motor; `None` for other motors.
@@ -95,6 +95,14 @@ pub(super) struct Joint {
     pub limit: Limit,
     /// Position in the keyframe `home` of a MuJoCo model, rad or m.
     pub home: Option<f64>,
+}
+
+/// Law of a joint that follows another: `multiplier` times its position, plus `offset`, rad or m.
+#[derive(Clone, Debug)]
+pub(super) struct Mimic {
+    pub joint: String,
+    pub multiplier: f64,
+    pub offset: f64,
 }
 
 /// Crank and rod of a joint's motor. The crank is at its angle 0.

@@ -1,10 +1,10 @@
 //! Joints that become rigid: locked joints and axles of the side file. All kinds that robot files lack must be among them.
 
 use super::bodies::Rigid;
-use super::model::{Kind, Urdf};
+use super::model::{Kind, Mimic, Urdf};
 use super::notes::Notes;
 use super::side::Side;
-use super::toml_text::key;
+use super::toml_text::{key, show};
 use super::tree::{Graph, Tree};
 use crate::document::{Document, alternatives};
 use std::collections::{HashMap, HashSet};
@@ -121,11 +121,17 @@ fn check_moving(rigid: &Rigid, urdf: &Urdf, graph: &Graph, tree: &Tree, notes: &
             notes.fault(joint.span.clone(), message, "behind a wheel", help);
         } else if rigid.wheels.contains(&index) {
             // An axle may have any joint type.
-        } else if let Some(other) = &joint.mimics {
-            let message = format!("joint `{}` follows joint `{other}` (<mimic>)", joint.name);
+        } else if let Some(Mimic { joint: other, multiplier, offset }) = &joint.mimics {
+            let message = format!(
+                "joint `{}` follows joint `{other}` by <mimic>, or <joint> of an equality: {} times its position plus {}",
+                joint.name,
+                show(*multiplier),
+                show(*offset)
+            );
             let help = format!(
-                "lock the joint in the side file, [lock] {name} = 0.0, or remove <mimic>: each joint of a \
-                 robot file has a motor of its own"
+                "lock the joint where it is in the standing pose, [lock] {name} = {} if `{other}` is at 0 \
+                 there, or remove <mimic>: each joint of a robot file has a motor of its own",
+                show(*offset)
             );
             notes.fault(joint.span.clone(), message, "no motor of its own", help);
         } else if !matches!(joint.kind, Kind::Revolute | Kind::Continuous) {

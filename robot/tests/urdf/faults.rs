@@ -126,6 +126,8 @@ fn joints_that_robot_files_do_not_have() {
 fn joints_that_cannot_move_or_follow() {
     let unlocked = edited(SIDE, "nod = 0.3", "");
     refused(URDF, &unlocked, &["rover.urdf", "`nod` follows joint `left_arm`", "[lock] nod = 0.0"]);
+    let law = edited(URDF, "multiplier=\"-1\"", "multiplier=\"-2\" offset=\"0.4\"");
+    refused(&law, &unlocked, &["-2.0 times its position plus 0.4", "[lock] nod = 0.4"]);
     for kind in ["planar", "floating"] {
         let other = edited(URDF, "type=\"prismatic\"", &format!("type=\"{kind}\""));
         refused(&other, SIDE, &["`mast` cannot be locked at 0.15"]);

@@ -8,7 +8,7 @@ use super::numbers::{Element, Reader, called};
 use super::springs::{Drive, Springs, is_undamped};
 use crate::file::parts::sum;
 use crate::urdf::elements::tag;
-use crate::urdf::model::{ITEMS_MAX, Joint, Kind, Limit, Link, Solid, Urdf};
+use crate::urdf::model::{ITEMS_MAX, Joint, Kind, Limit, Link, Mimic, Solid, Urdf};
 use nalgebra::{Isometry3, Translation3, Unit, Vector3};
 use roxmltree::Node;
 use std::collections::{HashMap, HashSet};
@@ -36,7 +36,7 @@ struct Drives<'a> {
     /// Largest torque or force, N·m or N.
     effort: HashMap<&'a str, f64>,
     /// Joint that another one follows.
-    follows: HashMap<&'a str, String>,
+    follows: HashMap<&'a str, Mimic>,
     /// Joints that the motor of a joint turns, with their ratios.
     ratios: HashMap<&'a str, Vec<(String, f64)>>,
     /// Inertia of the rotor of such a motor, kg·m².
@@ -378,7 +378,14 @@ fn drives<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>) -
     }
     for node in of_kind("equality").filter(|node| node.has_tag_name("joint")) {
         if let (Some(one), Some(other)) = (node.attribute("joint1"), node.attribute("joint2")) {
-            drives.follows.insert(one, other.to_owned());
+            let law = reader.numbers(Element { node, class: None }, "polycoef", 1, 5);
+            let law = law.unwrap_or_default();
+            let mimic = Mimic {
+                joint: other.to_owned(),
+                multiplier: law.get(1).copied().unwrap_or(1.0),
+                offset: law.first().copied().unwrap_or(0.0),
+            };
+            drives.follows.insert(one, mimic);
         }
     }
     drives
