@@ -24,7 +24,8 @@ fn a_robot_is_armed_played_stopped_and_left_by_keys() {
     console.press("2");
     console.wait_for_screen("PLAYING");
     console.press(" ");
-    console.wait_for_screen("EMERGENCY STOP");
+    // A stop that is not acknowledged cannot be cleared.
+    console.wait_for_screen("the emergency stop is acknowledged");
     console.press("c");
     console.wait_for_screen("DISARMED");
     console.press("q");
