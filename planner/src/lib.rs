@@ -54,8 +54,9 @@ pub mod torque;
 pub mod whole_body;
 
 pub use planning::{
-    Editing, Options, ReplanError, Search, Solution, Structures, TransitionError, candidates,
-    optimise, optimise_solution, optimise_transition, replan, replan_finer, replan_solution,
+    Batch, BatchPlan, Editing, Options, ReplanError, Search, Solution, Structures, TransitionError,
+    candidates, optimise, optimise_solution, optimise_transition, replan, replan_finer,
+    replan_solution,
 };
 pub use problem::Weights;
 pub use solve::{ACCEPTED_LEVEL, Method, Progress, Settings};

@@ -16,9 +16,10 @@
 //! | `trials`, `feasibility` | solves with the values that a diagnosis suggests |
 //! | `refine` | solves with more samples if a plan fails the checks as played |
 //! | `search` | attempts from all starts of a motion |
-//! | `replan`, `editing`, `transition` | other entry points for callers |
+//! | `replan`, `editing`, `transition`, `batch` | other entry points for callers |
 
 mod attempt;
+mod batch;
 mod editing;
 mod effort;
 mod feasibility;
@@ -34,6 +35,7 @@ mod transition;
 mod trials;
 mod write;
 
+pub use batch::{Batch, BatchPlan};
 pub use editing::Editing;
 pub(crate) use effort::Effort;
 pub use neighbour::ReplanError;

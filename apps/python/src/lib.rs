@@ -7,6 +7,7 @@
 //! | module | content |
 //! |---|---|
 //! | `arrays` | rows of values as NumPy arrays |
+//! | `batch` | many motions planned at once |
 //! | `design` | designs, and derivatives of their plans |
 //! | `documents` | files, and the files that they name |
 //! | `error` | exceptions, with the messages of the command line |
@@ -20,6 +21,7 @@
 //! | `watch` | long operations: progress, Ctrl-C, other threads |
 
 mod arrays;
+mod batch;
 mod design;
 mod documents;
 mod error;
@@ -35,6 +37,8 @@ mod watch;
 /// Motions of robots with legs and wheels: the compiled part of the package `rollwalk`.
 #[pyo3::pymodule]
 mod _rollwalk {
+    #[pymodule_export]
+    use crate::batch::{BatchProgress, plan_many};
     #[pymodule_export]
     use crate::design::{Design, Gradients, Parameter};
     #[pymodule_export]

@@ -344,7 +344,8 @@ pub fn not_consistent(py: Python<'_>, plans: &[&planned::Plan]) -> PyErr {
     }
 }
 
-fn options(seed: u64, iterations: Option<NonZeroU32>, samples_fixed: bool) -> Options {
+/// Options of a solve.
+pub fn options(seed: u64, iterations: Option<NonZeroU32>, samples_fixed: bool) -> Options {
     let mut options = Options { seed, refine: !samples_fixed, ..Options::default() };
     if let Some(most) = iterations {
         options.settings.iterations = most.get() as usize;

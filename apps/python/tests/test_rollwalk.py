@@ -277,6 +277,46 @@ class Plans(unittest.TestCase):
         rollwalk.plan(move(forward_m=goal.would_do))
 
 
+class ManyPlans(unittest.TestCase):
+    def test_plans_are_those_of_each_motion_alone(self) -> None:
+        first = rollwalk.plan(move())
+        motions = [move(0.05 + 0.01 * k) for k in range(4)]
+        with tempfile.TemporaryDirectory() as folder:
+
+            def text(plan: rollwalk.Plan) -> bytes:
+                path = Path(folder) / "plan.json"
+                plan.save(path)
+                return path.read_bytes()
+
+            for start, alone in [(None, rollwalk.plan), (first, first.replan)]:
+                expected = [text(alone(motion)) for motion in motions]
+                for threads in [1, 3]:
+                    seen = []
+                    plans = rollwalk.plan_many(motions, start=start, threads=threads, progress=seen.append)
+                    self.assertEqual([text(plan) for plan in plans], expected)
+                    self.assertEqual((seen[-1].done, seen[-1].total), (4, 4))
+                    self.assertGreater(seen[-1].plans_per_s_and_core, 0.0)
+
+    def test_exceptions_stand_in_place_of_plans(self) -> None:
+        motions = [move(), move(forward_m=0.5), rollwalk.Motion.shipped("stand")]
+        plan, far, other = rollwalk.plan_many(motions, start=rollwalk.plan(move()))
+        self.assertIsInstance(plan, rollwalk.Plan)
+        self.assertIsInstance(far, rollwalk.Infeasible)
+        self.assertIn("contradict", str(far))
+        self.assertRegex(str(other), "is for robot `pup`, whose joints")
+        self.assertEqual(rollwalk.plan_many([]), [])
+
+    def test_what_a_callback_raises_ends_the_work(self) -> None:
+        class Enough(Exception):
+            pass
+
+        def enough(_: object) -> None:
+            raise Enough
+
+        with self.assertRaises(Enough):
+            rollwalk.plan_many([rollwalk.Motion.shipped(LONG)] * 8, progress=enough)
+
+
 class LongWork(unittest.TestCase):
     def test_progress_ends_with_the_last_iteration(self) -> None:
         seen = []

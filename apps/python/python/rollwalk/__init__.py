@@ -7,6 +7,7 @@ joints, E end effectors. The tutorial is docs/python.md in Rollwalk's repository
 
 from ._errors import Infeasible, NotConsistent, RollwalkError
 from ._rollwalk import (
+    BatchProgress,
     Culprit,
     Design,
     Diagnosis,
@@ -22,11 +23,13 @@ from ._rollwalk import (
     Simulation,
     build_library,
     plan,
+    plan_many,
     simulate,
     write_shipped,
 )
 
 __all__ = [
+    "BatchProgress",
     "Culprit",
     "Design",
     "Diagnosis",
@@ -45,6 +48,7 @@ __all__ = [
     "Simulation",
     "build_library",
     "plan",
+    "plan_many",
     "simulate",
     "write_shipped",
 ]

@@ -6,7 +6,10 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from ._errors import RollwalkError
+
 __all__ = [
+    "BatchProgress",
     "Culprit",
     "Design",
     "Diagnosis",
@@ -22,12 +25,22 @@ __all__ = [
     "Simulation",
     "build_library",
     "plan",
+    "plan_many",
     "simulate",
     "write_shipped",
 ]
 
 _Path = str | os.PathLike[str]
 _Numbers = Sequence[float] | NDArray[np.float64]
+
+@final
+class BatchProgress:
+    @property
+    def done(self) -> int: ...
+    @property
+    def total(self) -> int: ...
+    @property
+    def plans_per_s_and_core(self) -> float: ...
 
 @final
 class Robot:
@@ -328,6 +341,16 @@ def plan(
     threads: int | None = None,
     progress: Callable[[Progress], object] | None = None,
 ) -> Plan: ...
+def plan_many(
+    motions: Sequence[Motion],
+    *,
+    start: Plan | None = None,
+    seed: int = 0,
+    iterations: int | None = None,
+    samples_fixed: bool = False,
+    threads: int | None = None,
+    progress: Callable[[BatchProgress], object] | None = None,
+) -> list[Plan | RollwalkError]: ...
 def build_library(
     path: _Path,
     *,
