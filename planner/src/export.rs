@@ -3,7 +3,7 @@
 //! The table is written as CSV with a header line, or as JSON with the same columns. All values are instantaneous, from the
 //! splines of [`crate::sample`]. Columns have their unit in their name; `docs/formats/plan-format.md` lists them.
 
-use crate::motion::Ends;
+use crate::motion::{Ends, Motion};
 use crate::plan::Plan;
 use crate::sample::PlanSpline;
 use crate::torque::InverseDynamics;
@@ -12,12 +12,9 @@ use serde::Serialize;
 use std::collections::HashSet;
 use thiserror::Error;
 
-/// Maximum rate of a table, Hz. A higher rate is probably a typing error.
-const RATE_MAX_HZ: f64 = 10_000.0;
-
 /// Error of a rate outside the valid range.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("rate {rate_hz} Hz; expected a rate above 0 and up to {RATE_MAX_HZ} Hz")]
+#[error("rate {rate_hz} Hz; expected a rate above 0 and up to {} Hz", Rate::MAX_HZ)]
 pub struct RateError {
     /// Requested rate, Hz.
     pub rate_hz: f64,
@@ -28,13 +25,21 @@ pub struct RateError {
 pub struct Rate(f64);
 
 impl Rate {
+    /// Maximum rate, Hz. A higher rate is probably a typing error.
+    pub const MAX_HZ: f64 = 10_000.0;
+
     /// Creates a rate in Hz.
     ///
     /// # Errors
     /// Returns an error if the rate is not positive or exceeds 10 kHz.
     pub fn new(rate_hz: f64) -> Result<Self, RateError> {
-        let is_rate = rate_hz > 0.0 && rate_hz <= RATE_MAX_HZ;
+        let is_rate = rate_hz > 0.0 && rate_hz <= Self::MAX_HZ;
         if is_rate { Ok(Self(rate_hz)) } else { Err(RateError { rate_hz }) }
+    }
+
+    /// Rate, Hz.
+    pub fn hz(self) -> f64 {
+        self.0
     }
 
     /// Times from the start of a motion to its end, both included, s. They are spaced evenly at [`even_hz`](Self::even_hz).
@@ -50,6 +55,37 @@ impl Rate {
 
     fn intervals(self, duration_s: f64) -> f64 {
         (duration_s * self.0).round().max(1.0)
+    }
+}
+
+/// Error of a length outside the valid range.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error("length {length_s} s; expected a length above 0 and up to {} s", Length::MAX_S)]
+pub struct LengthError {
+    /// Requested length, s.
+    pub length_s: f64,
+}
+
+/// Length of an exported motion: periodic motions repeat for this time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Length(f64);
+
+impl Length {
+    /// Maximum length, s.
+    pub const MAX_S: f64 = 3600.0;
+
+    /// Creates a length in s.
+    ///
+    /// # Errors
+    /// Returns an error if the length is not positive or exceeds an hour.
+    pub fn new(length_s: f64) -> Result<Self, LengthError> {
+        let is_length = length_s > 0.0 && length_s <= Self::MAX_S;
+        if is_length { Ok(Self(length_s)) } else { Err(LengthError { length_s }) }
+    }
+
+    /// Length of a motion, s. A motion that is not periodic keeps its duration.
+    pub fn of(self, motion: &Motion) -> f64 {
+        if motion.ends == Ends::Periodic { self.0 } else { motion.duration_s }
     }
 }
 

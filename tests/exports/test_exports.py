@@ -185,7 +185,7 @@ class Exports(unittest.TestCase):
     def test_a_wrong_format_is_refused_with_what_would_be_right(self):
         plan = self.path("walk.plan.json")
         for arguments, expected in (
-            (["-o", self.path("walk.bag")], ".csv, .json, .mcap or .xml"),
+            (["-o", self.path("walk.bag")], ".csv, .json, .mcap, .npz or .xml"),
             (["--format", "mcap", "-o", self.path("walk.csv")], ".mcap"),
             (["--rate", "0", "-o", self.path("walk.mcap")], "above 0"),
         ):

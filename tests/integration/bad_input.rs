@@ -281,6 +281,14 @@ fn an_impossible_rate_is_refused() {
     assert!(!desk.path("out.csv").exists());
     desk.run(&["export", "plan.json", "--rate=1e-9", "-o", "out.csv"])
         .fails(1, &["--rate is too low", "fewer than two rows"]);
+    let export = |args: &[&str]| desk.run(&[&["export", "plan.json"], args].concat());
+    export(&["--rate=0.1", "-o", "out.npz"]).fails(1, &["--rate is too low"]);
+    for length in ["0", "-5", "nan", "1e9"] {
+        let length = format!("--length={length}");
+        export(&[&length, "-o", "out.npz"]).fails(1, &["expected a length above 0 and up to 3600"]);
+    }
+    export(&["--length=5", "-o", "out.csv"]).fails(1, &["--length is for motion data (.npz)"]);
+    assert!(!desk.path("out.npz").exists());
 }
 
 #[test]

@@ -60,6 +60,69 @@ fn the_motors_of_table_3_2_are_an_axis() {
     assert_eq!(motors, ["2", "3", "4", "5"]);
 }
 
+const DATASET: &str = r#"
+name = "trots"
+[[axis]]
+name = "robot"
+robots = [ { name = "agilebot", robot = "../robots/agilebot.toml", motions = ["../motions/trot.toml"] } ]
+[[axis]]
+motion_value = "goal.turn_rad"
+values = [0.0, 0.1]
+[[axis]]
+motion_value = "goal.forward_m"
+values = [0.14, 0.16, 1000.0]
+[dataset]
+rate_hz = 50
+length_s = 2
+"#;
+
+#[test]
+fn datasets_have_a_file_for_each_motion_that_holds_in_any_split() {
+    let desk = desk();
+    desk.write("designs/trots.toml", DATASET);
+    let explore =
+        |rest: &[&str]| desk.run(&[&["design", "explore", "designs/trots.toml"], rest].concat());
+    let whole = explore(&["-o", "whole"]);
+    assert!(whole.stderr.contains("planned 6 motions in "), "{}", whole.stderr);
+    assert!(whole.stderr.contains(" per second and core"), "{}", whole.stderr);
+    whole.succeeds_with(0, &["wrote 4 motions into whole/motions", "6 rows, 4 of which hold"]);
+    let table = desk.read_text("whole/results.csv");
+    let files: Vec<&str> =
+        table.lines().skip(1).map(|line| line.rsplit_once(',').unwrap().1).collect();
+    let of = |point: u32| format!("motions/{point:06}_trot.npz");
+    assert_eq!(files, [&of(0), &of(1), "", &of(3), &of(4), ""]);
+    assert!(table.starts_with("point,robot,goal.turn_rad,goal.forward_m,motion,"), "{table}");
+    explore(&["-o", "parts", "--shard", "2/2"]).succeeds_with(0, &["1 of 2 chains are left"]);
+    assert!(!desk.path("parts").join(of(0)).exists());
+    explore(&["-o", "parts", "--shard", "1/2"]).succeeds_with(0, &["6 rows"]);
+    for file in ["results.csv", &of(0), &of(1), &of(3), &of(4)] {
+        let [one, other] = ["whole", "parts"].map(|folder| desk.read(&format!("{folder}/{file}")));
+        assert!(one == other, "{file}");
+    }
+    // 101 frames of two seconds.
+    let motion = desk.read(&format!("whole/{}", of(0)));
+    let text = String::from_utf8_lossy(&motion);
+    assert!(text.contains("'shape': (101, "), "{}", motion.len());
+}
+
+#[test]
+fn faults_of_datasets_are_named() {
+    let desk = desk();
+    for (from, to, words) in [
+        ("goal.forward_m", "goal.ahead_m", &["trot.toml", "no `ahead_m`", "forward_m"][..]),
+        ("rate_hz = 50", "rate_hz = 0", &["`rate_hz`", "1 to 10000 Hz"]),
+        ("rate_hz = 50", "", &["`rate_hz`", "missing"]),
+        ("length_s = 2", "length_s = 9000", &["`length_s`", "0.1 to 3600 s"]),
+        ("length_s = 2", "lenght_s = 2", &["unknown key `lenght_s`"]),
+        ("values = [0.0, 0.1]", "values = []", &["`values`", "1 to 10000 finite numbers"]),
+    ] {
+        desk.write("designs/trots.toml", DATASET.replacen(from, to, 1));
+        desk.run(&["design", "explore", "designs/trots.toml", "-o", "out"])
+            .fails(1, &[&["designs/trots.toml"], words].concat());
+        assert!(!desk.path("out").exists());
+    }
+}
+
 #[test]
 fn jobs_of_engines_are_written() {
     let desk = desk();

@@ -83,8 +83,10 @@ fn formats_that_are_not_written_are_refused_by_name() {
     desk.run(&["plot", "plan.json", "-o", "x.pdf"])
         .fails(1, &["a figure as x.pdf", "written as .svg or .png", "rsvg-convert"]);
     desk.run(&["plot", "plan.json", "-o", "x.gif"]).fails(1, &["a figure as x.gif", "--animate"]);
-    desk.run(&["export", "plan.json", "-o", "x.xlsx"])
-        .fails(1, &["a plan as x.xlsx", "written as .csv, .json, .mcap or .xml", "spreadsheets"]);
+    desk.run(&["export", "plan.json", "-o", "x.xlsx"]).fails(
+        1,
+        &["a plan as x.xlsx", "written as .csv, .json, .mcap, .npz or .xml", "spreadsheets"],
+    );
     desk.run(&["export", "plan.json", "--format", "csv", "-o", "x.json"])
         .fails(1, &["the extension of x.json does not match --format"]);
     assert!(["x.pdf", "x.gif", "x.xlsx", "x.json"].iter().all(|name| !desk.path(name).exists()));

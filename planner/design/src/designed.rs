@@ -4,6 +4,7 @@ use crate::catalog::Servo;
 use crate::file::{self, DesignFile};
 use crate::parameter::{Kind, Location};
 use crate::text::{NoEffect, RobotText, number};
+use rollwalk_planner::Structures;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::sensitivity::{Design, Parameter};
 use rollwalk_robot::Robot;
@@ -24,6 +25,16 @@ pub struct NamedText {
 struct MotionText {
     name: String,
     document: DocumentMut,
+}
+
+impl NamedText {
+    /// Checks that a motion file has a number at a path.
+    ///
+    /// # Errors
+    /// If there is no such number.
+    pub(crate) fn check_motion_value(&self, path: &str) -> Result<(), NoEffect> {
+        number::value(&MotionText::new(self.clone()).document, path).map(drop)
+    }
 }
 
 impl MotionText {
@@ -49,6 +60,8 @@ pub struct Designed {
     original: Vec<f64>,
     /// Error of the original robot if it cannot reach the targets of its motions; `None` if it can.
     beyond: Option<DocumentError>,
+    /// Structures of earlier plans. Clones share them.
+    pub(crate) structures: Structures,
 }
 
 /// Robot at given values of the parameters.
@@ -98,7 +111,16 @@ impl Designed {
         let original = file.check(&design.name, &design.text, |place| {
             if place.kind.is_of_motion() { of_motion(place) } else { text.value(place) }
         })?;
-        Self { file, robot, text, motions, original, beyond: None }.checked()
+        Self {
+            file,
+            robot,
+            text,
+            motions,
+            original,
+            beyond: None,
+            structures: Structures::default(),
+        }
+        .checked()
     }
 
     /// Checks that the motions fit a robot of this design: the original, or the one with all parameters at their maximum, or at
@@ -144,7 +166,16 @@ impl Designed {
         let (original, parameters) = known.unzip();
         let file = DesignFile { parameters, ..DesignFile::default() };
         let motions = motions.into_iter().map(MotionText::new).collect();
-        Self { file, robot, text, motions, original, beyond: None }.checked()
+        Self {
+            file,
+            robot,
+            text,
+            motions,
+            original,
+            beyond: None,
+            structures: Structures::default(),
+        }
+        .checked()
     }
 
     /// Replaces the motions.
@@ -154,6 +185,23 @@ impl Designed {
     pub fn with_motions(mut self, motions: Vec<NamedText>) -> Result<Self, DocumentError> {
         self.motions = motions.into_iter().map(MotionText::new).collect();
         self.checked()
+    }
+
+    /// Replaces numbers at paths in all motion files. Motion files without such a number stay unchanged.
+    pub fn with_motion_values<'v>(mut self, values: impl Iterator<Item = (&'v str, f64)>) -> Self {
+        for (path, value) in values {
+            for motion in &mut self.motions {
+                number::set(&mut motion.document, path, value);
+            }
+        }
+        self
+    }
+
+    /// Returns the motion files.
+    pub fn motions(&self) -> Vec<NamedText> {
+        let text =
+            |of: &MotionText| NamedText { name: of.name.clone(), text: of.document.to_string() };
+        self.motions.iter().map(text).collect()
     }
 
     /// Replaces the servo of an actuator in the robot file: speed limit, torque limit, torque-speed line, and the mass of the

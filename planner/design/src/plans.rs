@@ -146,14 +146,10 @@ impl Designed {
     /// If the robot is invalid at these values, or the caller stops the work.
     pub fn plan(&self, values: &[f64], watch: &mut Watch<'_>) -> Result<Plans, PlansError> {
         let variant = self.at(values)?;
+        let options = Options { structures: self.structures.clone(), ..Options::default() };
         let solve = |motion| {
             let progress = &mut |state: &Progress| watch(named(motion), state);
-            unless_interrupted(optimise_solution(
-                &variant.robot,
-                motion,
-                &Options::default(),
-                progress,
-            ))
+            unless_interrupted(optimise_solution(&variant.robot, motion, &options, progress))
         };
         let solutions = variant.motions.iter().map(solve).collect::<Result<_, _>>()?;
         Ok(Plans { variant, solutions })
@@ -172,7 +168,8 @@ impl Designed {
         watch: &mut Watch<'_>,
     ) -> Result<Plans, PlansError> {
         let variant = self.at(values)?;
-        let options = Options { refine, ..Options::default() };
+        let structures = self.structures.clone();
+        let options = Options { refine, structures, ..Options::default() };
         let solve = |(motion, solution): (_, &Solution)| {
             let motion = on_samples_of(motion, &solution.plan.motion);
             let progress = &mut |state: &Progress| watch(&motion.name, state);

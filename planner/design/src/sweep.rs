@@ -1,6 +1,6 @@
 //! Sweeps over designs: a grid of parameters and choices, in a fixed order.
 //!
-//! Points are counted along the axes in the order of the file; the last parameter axis varies fastest. The points along this
+//! Points are counted along the axes in the order of the file; the last numeric axis varies fastest. The points along this
 //! axis form a **chain**: the first point is planned from scratch, and every other one from its neighbour. Chains are
 //! independent of each other. A sweep can therefore be interrupted between chains or split, and gives the same rows.
 
@@ -10,13 +10,14 @@ pub mod picture;
 mod row;
 pub mod table;
 
-pub use file::{Axis, RobotChoice, Sweep, speed_of};
-pub use row::Row;
+pub use file::{Axis, Dataset, RobotChoice, Sweep, speed_of};
+pub use row::{Keep, Row};
 
 use crate::catalog::Catalog;
 use crate::designed::{Designed, NamedText};
 use crate::goal::Goal;
 use crate::plans::{PlansError, Watch};
+use rollwalk_planner::Structures;
 use rollwalk_robot::document::DocumentError;
 use std::collections::BTreeMap;
 
@@ -45,16 +46,21 @@ impl LoadedSweep {
         files: Files,
         catalog: Catalog,
     ) -> Result<Self, DocumentError> {
-        let sweep = Sweep::checked(text, design.as_ref(), &catalog)?;
+        let sweep = Sweep::checked(text, design.as_ref(), &files, &catalog)?;
         Ok(Self { sweep, design, files, catalog })
     }
 
-    /// Computes the rows of a chain.
+    /// Computes the rows of a chain. `keep` receives every plan.
     ///
     /// # Errors
     /// If the caller stops the work.
-    pub fn chain(&self, chain: usize, watch: &mut Watch<'_>) -> Result<Vec<Row>, PlansError> {
-        row::chain(self, chain, watch)
+    pub fn chain(
+        &self,
+        chain: usize,
+        watch: &mut Watch<'_>,
+        keep: &mut Keep<'_>,
+    ) -> Result<Vec<Row>, PlansError> {
+        row::chain(self, chain, watch, keep)
     }
 
     /// Warnings for the servo axes whose actuator has no mass in the robot file.
@@ -101,10 +107,13 @@ impl LoadedSweep {
                         designed = designed.map(|of| of.with_servo(actuator, servo)).transpose()?;
                     }
                 }
-                Axis::Parameter { .. } => {}
+                Axis::Parameter { .. } | Axis::MotionValue { .. } => {}
             }
         }
-        Ok(designed.expect("a sweep has a design or robots"))
+        let mut designed = designed.expect("a sweep has a design or robots");
+        // Chains run on different threads, which would take structures from each other.
+        designed.structures = Structures::default();
+        Ok(designed)
     }
 
     fn file(&self, name: &str) -> NamedText {

@@ -6,6 +6,7 @@
 //! | [`urdf_with_control`], [`controllers`] | a robot | `ros2_control` of ROS 2 |
 //! | [`mjcf`], [`motion`] | a robot; a plan as keyframes with controls | MuJoCo |
 //! | [`trajectory`] | a plan | ROS, by way of JSON |
+//! | [`motion_data`] | a plan as arrays of NumPy | learning: mjlab, Isaac Lab |
 //! | [`foxglove`] | a plan as an MCAP file; robots as messages | Foxglove, Lichtblick |
 //!
 //! Formats go out here and nothing comes in: `rollwalk_robot::urdf` imports. Texts are values; the same robot or plan gives the
@@ -26,6 +27,8 @@
 mod bodies;
 pub mod foxglove;
 mod mjcf;
+mod motion_data;
+mod npz;
 mod ros2_control;
 mod trajectory;
 mod urdf;
@@ -33,6 +36,7 @@ mod xml;
 
 pub use bodies::joint_names;
 pub use mjcf::{mjcf, motion};
+pub use motion_data::motion_data;
 pub use ros2_control::{MOCK, controllers, urdf_with_control};
 pub use trajectory::trajectory;
 pub use urdf::urdf;

@@ -4,6 +4,7 @@
 //! motors' angles are its sensors. [`motion`] adds a plan as keyframes with the controls that play it.
 
 mod frames;
+pub mod order;
 mod terrain;
 
 use crate::bodies::{
@@ -13,6 +14,7 @@ use crate::bodies::{
 use crate::xml::{Xml, numbers, vector};
 use frames::{Keyframe, keyframes, standing};
 use nalgebra::{Isometry3, Matrix3};
+use order::{crank_name, servo_name};
 use rollwalk_multibody::ground::Terrain;
 use rollwalk_multibody::{Standing, Tree};
 use rollwalk_planner::export::Rate;
@@ -47,6 +49,13 @@ pub fn motion(plan: &Plan, rate: Rate) -> io::Result<String> {
     let comment =
         format!("{} of {}, written by rollwalk export", plan.motion.name, plan.robot.name);
     model(&plan.robot, &[], plan.motion.ground.terrain(), &comment, &keyframes(plan, rate))
+}
+
+/// Writes the robot of a plan on the ground of the plan, with its stance as the keyframe `stand`.
+pub fn model_of(plan: &Plan) -> io::Result<String> {
+    let comment = format!("{}, written by rollwalk", plan.robot.name);
+    let stand = standing(&plan.robot);
+    model(&plan.robot, &[], plan.motion.ground.terrain(), &comment, stand.as_slice())
 }
 
 fn model(
@@ -197,11 +206,10 @@ impl Bodies<'_> {
             if linkage.link != link {
                 continue;
             }
-            let crank =
-                [("name", format!("{name}_crank")), ("pos", vector(&linkage.pivot_in_link_m))];
+            let crank = [("name", crank_name(name)), ("pos", vector(&linkage.pivot_in_link_m))];
             xml.element("body", &crank, |xml| {
                 let servo = [
-                    ("name", format!("{name}_servo")),
+                    ("name", servo_name(name)),
                     ("axis", vector(&linkage.axis_in_link)),
                     ("ref", linkage.nominal_rad.to_string()),
                     ("armature", joint.actuator.armature_kg_m2.to_string()),
@@ -390,7 +398,7 @@ fn actuators(xml: &mut Xml, robot: &Robot, bodies: &[Body<'_>]) -> io::Result<()
             let gains = gains.into_iter().chain([("kv", motor.kd_nm_s_rad)]);
             let driven = match hinge.of {
                 HingeOrigin::Joint { joint, .. } if joint.linkage.is_some() => {
-                    ("joint", format!("{}_servo", hinge.name))
+                    ("joint", servo_name(&hinge.name))
                 }
                 _ if is_coupled(hinge) => ("tendon", hinge.name.clone()),
                 _ => ("joint", hinge.name.clone()),
@@ -405,7 +413,10 @@ fn actuators(xml: &mut Xml, robot: &Robot, bodies: &[Body<'_>]) -> io::Result<()
 }
 
 /// Hinges with motors in channel order: joints, then wheels.
-fn channels<'b>(robot: &'b Robot, bodies: &'b [Body<'b>]) -> impl Iterator<Item = &'b Hinge<'b>> {
+pub fn channels<'b>(
+    robot: &'b Robot,
+    bodies: &'b [Body<'b>],
+) -> impl Iterator<Item = &'b Hinge<'b>> {
     let joints = robot.joints.iter().map(|joint| joint.child);
     let wheels = robot.links.len()..bodies.len();
     joints.chain(wheels).filter_map(|body| bodies[body].hinge.as_ref())

@@ -1,38 +1,46 @@
 //! `rollwalk design explore`: plans every point of a sweep, on all cores, resumable, in shards.
 
 use crate::shards::{self, Work, WorkOutcome};
+use cpu_time::ProcessTime;
 use miette::{IntoDiagnostic, miette};
 use rollwalk_design::goal::Quantity;
 use rollwalk_design::plans::PlansError;
 use rollwalk_design::sweep::picture::Picture;
-use rollwalk_design::sweep::{LoadedSweep, Row, figure, table};
+use rollwalk_design::sweep::{Dataset, LoadedSweep, Row, figure, table};
 use rollwalk_planner::Progress;
+use rollwalk_planner::plan::Plan;
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::{Exit, files, interrupt, output};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
 
 /// File name of the table in the output folder.
 const CSV: &str = "results.csv";
+/// Folder of motion data in the output folder.
+const MOTIONS: &str = "motions";
 /// File name of the figure in the output folder.
 const FIGURE: &str = "results.svg";
 
-/// Plan every point of a sweep: parameters, gaits, robots, servos.
+/// Plan every point of a sweep: parameters, goals, gaits, robots, servos.
 ///
 /// The sweep runs on all cores. Every result is written at once, so that after Ctrl-C, or on another machine, the same command
 /// continues. Shards (--shard 2/5) share the folder, or their folders are merged. The tables do not depend on the split. The
-/// run that finds no work left writes results.csv, and results.svg, a figure of one quantity.
+/// run that finds no work left writes results.csv, and results.svg, a figure of one quantity. A sweep with [dataset] also writes
+/// motion data for learning, an .npz file for each motion that holds.
 #[derive(clap::Args)]
 #[command(mut_arg("engine", |engine| engine.visible_alias("on")), after_long_help = "\
 Examples:
   rollwalk design explore designs/table_3_2_sweep.toml -o table
+  rollwalk design explore designs/agilebot_dataset.toml -o dataset
   rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --plot peak_joint_torque_nm
   rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --shard 1/4
   rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --engine parallel --shards 8
   rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --engine slurm --shards 40
   rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --engine kubernetes --shards 40 --dry-run
 
-The formats, shards and engines are described in docs/design.md.")]
+The formats, shards and engines are described in docs/design.md, motion data in docs/training-data.md.")]
 pub struct Args {
     /// Sweep file (TOML).
     #[arg(value_name = "SWEEP.toml")]
@@ -64,6 +72,24 @@ struct Chains<'a> {
     args: &'a Args,
     ready: LoadedSweep,
     texts: Vec<String>,
+    /// Number of motions that this run has planned.
+    planned: AtomicUsize,
+}
+
+impl Chains<'_> {
+    /// Writes the motion data of a plan if the sweep is a data set and the plan passes the checks. Returns the name of the file
+    /// in the output folder, or an empty text.
+    fn write(&self, row: &Row, number: usize, plan: &Plan) -> miette::Result<String> {
+        let Some(Dataset { rate, length }) = self.ready.sweep.dataset.filter(|_| row.holds) else {
+            return Ok(String::new());
+        };
+        let again = if number == 0 { String::new() } else { format!("_{}", number + 1) };
+        let name = files::file_name(&row.motion);
+        let file = format!("{MOTIONS}/{:06}_{name}{again}.npz", row.point);
+        let data = rollwalk_interchange::motion_data(plan, rate, length).into_diagnostic()?;
+        files::write(&self.args.output.join(&file), &data)?;
+        Ok(file)
+    }
 }
 
 impl Work for Chains<'_> {
@@ -110,7 +136,19 @@ impl Work for Chains<'_> {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),
         };
-        match self.ready.chain(index, go_on) {
+        let mut failed = None;
+        let keep = &mut |row: &Row, number: usize, plan: &Plan| {
+            self.planned.fetch_add(1, Ordering::Relaxed);
+            self.write(row, number, plan).unwrap_or_else(|error| {
+                failed.get_or_insert(error);
+                String::new()
+            })
+        };
+        let rows = self.ready.chain(index, go_on, keep);
+        if let Some(error) = failed {
+            return Err(error);
+        }
+        match rows {
             Ok(rows) => Ok(Some(rows)),
             Err(PlansError::Interrupted) => Ok(None),
             Err(error) => Err(miette!("chain {index}: {error}")),
@@ -128,8 +166,21 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     interrupt::install_handler();
     ready.without_mass().for_each(output::print_line);
     files::make_folder(&args.output)?;
-    let chains = Chains { args, ready, texts };
-    match shards::run(&chains, &args.output, &args.shards)? {
+    if ready.sweep.dataset.is_some() {
+        files::make_folder(&args.output.join(MOTIONS))?;
+    }
+    let chains = Chains { args, ready, texts, planned: AtomicUsize::new(0) };
+    let (start, cpu) = (Instant::now(), ProcessTime::now());
+    let outcome = shards::run(&chains, &args.output, &args.shards)?;
+    let planned = chains.planned.load(Ordering::Relaxed);
+    if planned > 0 {
+        let [wall_s, cpu_s] = [start.elapsed(), cpu.elapsed()].map(|time| time.as_secs_f64());
+        let rate = planned as f64 / cpu_s;
+        output::print_line(format_args!(
+            "planned {planned} motions in {wall_s:.1} s: {rate:.2} per second and core"
+        ));
+    }
+    match outcome {
         WorkOutcome::All(results) => {
             let rows: Vec<&Row> = results.values().flatten().collect();
             finish(args, &chains.ready, &rows)
@@ -143,11 +194,15 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 fn finish(args: &Args, ready: &LoadedSweep, rows: &[&Row]) -> miette::Result<Exit> {
     let folder = &args.output;
     let axes: Vec<String> = ready.sweep.axes.iter().map(|axis| axis.name().to_owned()).collect();
-    let csv = table::csv(&axes, rows).into_diagnostic()?;
+    let has_files = ready.sweep.dataset.is_some();
+    let csv = table::csv(&axes, rows, has_files).into_diagnostic()?;
     let figure = figure::draw(&Picture::of(ready, rows, args.plot));
     files::write(&folder.join(CSV), &csv)?;
     files::write(&folder.join(FIGURE), figure.as_bytes())?;
     let hold = rows.iter().filter(|row| row.holds).count();
+    if has_files {
+        output::print(&format!("wrote {hold} motions into {}", folder.join(MOTIONS).display()))?;
+    }
     output::print(&format!(
         "{} rows, {hold} of which hold\nwrote {} and {FIGURE}",
         rows.len(),

@@ -4,7 +4,7 @@ use crate::apps::{BENCH, ProgramArgs};
 use rollwalk_terminal::Exit;
 use std::iter;
 
-/// Plan every point of a sweep: parameters, gaits, robots, servos.
+/// Plan every point of a sweep: parameters, goals, gaits, robots, servos. Write motion data for learning.
 ///
 /// This command runs the program rollwalk-bench, which must be in the same folder as rollwalk or on the path. `rollwalk design
 /// explore --help` prints its help.

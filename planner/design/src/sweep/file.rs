@@ -18,14 +18,25 @@
 //! [[axis]]
 //! name = "gait"
 //! motions = ["../motions/trot.toml", "../motions/walk.toml"]   # in place of the design's
+//!
+//! [[axis]]
+//! motion_value = "goal.forward_m"   # number of all motion files
+//! values = [0.1, 0.2]
+//!
+//! [dataset]                         # motion data of all motions that pass the checks
+//! rate_hz = 50
+//! length_s = 10                     # of periodic motions
 //! ```
 //!
 //! Instead of `design`, an axis may list robots with their own motions:
 //! `robots = [{ name = "two", robot = "…", motions = ["…"] }]`.
 
+use super::Files;
 use crate::catalog::Catalog;
 use crate::designed::{Designed, NamedText};
 use crate::parameter::{Kind, Location};
+use crate::text::NoEffect;
+use rollwalk_planner::export::{Length, Rate};
 use rollwalk_robot::document::{Document, DocumentError, Table};
 
 /// Maximum number of axes.
@@ -44,6 +55,17 @@ pub struct Sweep {
     pub design: Option<String>,
     /// Axes; never empty.
     pub axes: Vec<Axis>,
+    /// Motion data to write for all motions that pass the checks.
+    pub dataset: Option<Dataset>,
+}
+
+/// Rate and length of motion data.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dataset {
+    /// Frames per second.
+    pub rate: Rate,
+    /// Length of periodic motions; `None` for the duration of the plan.
+    pub length: Option<Length>,
 }
 
 /// Axis of a sweep.
@@ -54,6 +76,13 @@ pub enum Axis {
         /// Name of the parameter.
         name: String,
         /// Values of the parameter.
+        values: Vec<f64>,
+    },
+    /// Number of all motion files.
+    MotionValue {
+        /// Path of the number in the motion file, such as `goal.forward_m`.
+        path: String,
+        /// Values of the number.
         values: Vec<f64>,
     },
     /// Servos of the catalogue for an actuator of the robot file.
@@ -96,6 +125,7 @@ impl Axis {
     /// Name of the axis and of its column.
     pub fn name(&self) -> &str {
         match self {
+            Self::MotionValue { path, .. } => path,
             Self::Parameter { name, .. }
             | Self::Servos { name, .. }
             | Self::Motions { name, .. }
@@ -106,7 +136,7 @@ impl Axis {
     /// Number of points on the axis.
     pub fn len(&self) -> usize {
         match self {
-            Self::Parameter { values, .. } => values.len(),
+            Self::Parameter { values, .. } | Self::MotionValue { values, .. } => values.len(),
             Self::Servos { names, .. } => names.len(),
             Self::Motions { files, .. } => files.len(),
             Self::Robots { choices, .. } => choices.len(),
@@ -118,10 +148,20 @@ impl Axis {
         self.len() == 0
     }
 
+    /// Values of a numeric axis; `None` for an axis of choices.
+    pub fn values(&self) -> Option<&[f64]> {
+        match self {
+            Self::Parameter { values, .. } | Self::MotionValue { values, .. } => Some(values),
+            _ => None,
+        }
+    }
+
     /// Label of a point.
     pub fn label(&self, at: usize) -> String {
         match self {
-            Self::Parameter { values, .. } => values[at].to_string(),
+            Self::Parameter { values, .. } | Self::MotionValue { values, .. } => {
+                values[at].to_string()
+            }
             Self::Servos { names, .. } => names[at].clone(),
             Self::Motions { files, .. } => files[at].clone(),
             Self::Robots { choices, .. } => choices[at].name.clone(),
@@ -140,10 +180,11 @@ impl Sweep {
         document.finish(sweep)
     }
 
-    /// Parses a sweep file, and checks it against its design and a catalogue.
+    /// Parses a sweep file, and checks it against its design, its motion files and a catalogue.
     pub(super) fn checked(
         file: &NamedText,
         design: Option<&Designed>,
+        files: &Files,
         catalog: &Catalog,
     ) -> Result<Self, DocumentError> {
         let sweep = Self::from_toml(&file.name, &file.text)?;
@@ -202,10 +243,31 @@ impl Sweep {
                         table.fault("actuator", nothing.problem, "unknown", nothing.help);
                     }
                 }
+                Axis::MotionValue { path, .. } => {
+                    let lacks = |motion: &NamedText| {
+                        let error = motion.check_motion_value(path).err()?;
+                        Some((motion.name.clone(), error))
+                    };
+                    if let Some((name, NoEffect { problem, help })) =
+                        sweep.motions(design, files).iter().find_map(lacks)
+                    {
+                        let problem = format_args!("does not fit {name}: {problem}");
+                        table.fault("motion_value", problem, "no number", help);
+                    }
+                }
                 Axis::Motions { .. } | Axis::Robots { .. } => {}
             }
         }
         document.finish(Some(sweep))
+    }
+
+    /// Motion files of the whole sweep.
+    fn motions(&self, design: Option<&Designed>, files: &Files) -> Vec<NamedText> {
+        let named = self.files().1;
+        match design {
+            Some(design) if named.is_empty() => design.motions(),
+            _ => named.into_iter().filter_map(|name| files.get(name).cloned()).collect(),
+        }
     }
 
     /// Robot files and motion files of the axes.
@@ -224,9 +286,9 @@ impl Sweep {
         (robots, motions)
     }
 
-    /// Index of the last parameter axis, along which chains run. `None` if no axis is a parameter.
+    /// Index of the last numeric axis, along which chains run. `None` if all axes are choices.
     pub fn inner(&self) -> Option<usize> {
-        self.axes.iter().rposition(|axis| matches!(axis, Axis::Parameter { .. }))
+        self.axes.iter().rposition(|axis| axis.values().is_some())
     }
 
     /// Number of points in a chain.
@@ -270,6 +332,10 @@ fn sweep(document: &Document<'_>) -> Option<Sweep> {
         root.fault("axis", "is missing", "one point", "write at least one [[axis]] table");
     }
     let axes: Vec<Option<Axis>> = tables.iter().map(axis).collect();
+    let dataset = match root.has("dataset") {
+        true => Some(root.table("dataset").and_then(|table| dataset(&table))?),
+        false => None,
+    };
     root.done();
     let axes: Vec<Axis> = axes.into_iter().collect::<Option<_>>()?;
     let robots = axes.iter().filter(|axis| matches!(axis, Axis::Robots { .. })).count();
@@ -297,12 +363,23 @@ fn sweep(document: &Document<'_>) -> Option<Sweep> {
             tables[index].fault("name", problem, "again", "give each axis its own name");
         }
     }
-    Some(Sweep { name: name?, design, axes })
+    Some(Sweep { name: name?, design, axes, dataset })
+}
+
+fn dataset(table: &Table<'_>) -> Option<Dataset> {
+    let rate_hz = table.number_in("rate_hz", 1.0..=Rate::MAX_HZ, "Hz");
+    let length_s = match table.has("length_s") {
+        true => Some(table.number_in("length_s", 0.1..=Length::MAX_S, "s")?),
+        false => None,
+    };
+    table.done();
+    let length = length_s.and_then(|length_s| Length::new(length_s).ok());
+    Some(Dataset { rate: Rate::new(rate_hz?).ok()?, length })
 }
 
 fn axis(table: &Table<'_>) -> Option<Axis> {
-    if table.has("parameter") {
-        let name = table.string("parameter");
+    if let Some(key) = ["parameter", "motion_value"].into_iter().find(|key| table.has(key)) {
+        let name = table.string(key);
         let values = if table.has("values") {
             table.list("values", 1..=VALUES_MAX)
         } else {
@@ -313,7 +390,11 @@ fn axis(table: &Table<'_>) -> Option<Axis> {
             )
         };
         table.done();
-        return Some(Axis::Parameter { name: name?, values: values? });
+        let (name, values) = (name?, values?);
+        return Some(match key {
+            "parameter" => Axis::Parameter { name, values },
+            _ => Axis::MotionValue { path: name, values },
+        });
     }
     let name = table.name("name")?;
     let strings = |key| -> Option<Vec<String>> {
@@ -332,7 +413,7 @@ fn axis(table: &Table<'_>) -> Option<Axis> {
     } else {
         let choices = table.tables_up_to("robots", VALUES_MAX);
         if choices.is_empty() {
-            let help = "give parameter, servos, motions or robots";
+            let help = "give parameter, motion_value, servos, motions or robots";
             table.fault("robots", "is missing", "an axis without values", help);
         }
         let choices = choices.iter().map(choice).collect::<Option<_>>();

@@ -80,7 +80,7 @@ impl Picture {
         let column = Quantity::ALL.iter().position(|other| *other == of).unwrap_or(0);
         let axes = &ready.sweep.axes;
         // A single value is not an axis.
-        let varies = |k: &usize| matches!(axes[*k], Axis::Parameter { .. }) && axes[*k].len() > 1;
+        let varies = |k: &usize| axes[*k].values().is_some_and(|values| values.len() > 1);
         let parameters: Vec<usize> = (0..axes.len()).filter(varies).collect();
         // Axes of the figure: the last two parameters, the last parameter, or the longest list of choices.
         let shown: Vec<usize> = match parameters[..] {
@@ -208,10 +208,7 @@ fn groups(axes: &[Axis], rows: &[&Row], choices: &[usize]) -> Vec<Group> {
 }
 
 fn values_of(axis: &Axis) -> Vec<f64> {
-    match axis {
-        Axis::Parameter { values, .. } => values.clone(),
-        _ => Vec::new(),
-    }
+    axis.values().map(<[f64]>::to_vec).unwrap_or_default()
 }
 
 /// Stem of a TOML file name; other labels stay unchanged.

@@ -30,13 +30,21 @@ pub struct Row {
     pub iterations: u64,
     /// Values of all quantities, in the order of [`Quantity::ALL`]; `None` if undefined for the motion.
     pub quantities: Vec<Option<f64>>,
+    /// File that the caller wrote for the plan; empty if there is none.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub file: String,
 }
+
+/// Callback for every plan, with its row and the number of earlier plans of the point whose motion has the same name. Returns the
+/// name of the file that it writes, or an empty text.
+pub type Keep<'a> = dyn FnMut(&Row, usize, &Plan) -> String + 'a;
 
 /// Computes the rows of a chain.
 pub fn chain(
     ready: &LoadedSweep,
     chain: usize,
     watch: &mut Watch<'_>,
+    keep: &mut Keep<'_>,
 ) -> Result<Vec<Row>, PlansError> {
     let sweep = &ready.sweep;
     let start = sweep.start(chain);
@@ -57,7 +65,12 @@ pub fn chain(
         };
         match planned {
             Ok(plans) => {
-                rows.extend(plans.plans().map(|plan| row(point, labels.clone(), plan)));
+                for (number, plan) in plans.plans().enumerate() {
+                    let row = row(point, labels.clone(), plan);
+                    let same = plans.plans().take(number);
+                    let same = same.filter(|of| of.motion.name == plan.motion.name).count();
+                    rows.push(Row { file: keep(&row, same, plan), ..row });
+                }
                 before = plans.all_solved().is_ok().then_some(plans);
             }
             Err(PlansError::Interrupted) => return Err(PlansError::Interrupted),
@@ -86,6 +99,11 @@ fn planned(
             values[index] = along[at];
         }
     }
+    let motion_values = axes.iter().zip(at).filter_map(|(axis, &at)| match axis {
+        Axis::MotionValue { path, values } => Some((path.as_str(), values[at])),
+        _ => None,
+    });
+    let designed = &designed.clone().with_motion_values(motion_values);
     match before {
         Some(before) => designed.plan_from(before, &values, true, watch),
         None => designed.plan(&values, watch),
@@ -109,6 +127,7 @@ fn row(point: u64, labels: Vec<String>, plan: &Plan) -> Row {
         reason: one_line(&reason),
         iterations: solve.iterations as u64,
         quantities: Quantity::ALL.map(quantity).to_vec(),
+        file: String::new(),
     }
 }
 
@@ -126,6 +145,7 @@ fn without_plan(point: u64, labels: Vec<String>, reason: &PlansError) -> Row {
         reason: one_line(&text),
         iterations: 0,
         quantities: vec![None; Quantity::ALL.len()],
+        file: String::new(),
     }
 }
 

@@ -90,7 +90,7 @@ fn faults_say_what_would_be_right() {
 #[test]
 fn chains_go_on_behind_points_that_cannot_be_planned_into_tables_and_figures() {
     let ready = ready(SWEEP).unwrap();
-    let chain = |chain| ready.chain(chain, &mut on).unwrap();
+    let chain = |chain| ready.chain(chain, &mut on, &mut |_, _, _| String::new()).unwrap();
     let all: Vec<Row> = (0..2).flat_map(chain).collect();
     let rows: Vec<&Row> = all.iter().collect();
     // The wheels of the other servo are too slow.
@@ -104,7 +104,7 @@ fn chains_go_on_behind_points_that_cannot_be_planned_into_tables_and_figures() {
     assert_eq!(rows[1].quantities, vec![None; Quantity::ALL.len()]);
 
     let axes: Vec<String> = ready.sweep.axes.iter().map(|axis| axis.name().to_owned()).collect();
-    let csv = String::from_utf8(table::csv(&axes, &rows).unwrap()).unwrap();
+    let csv = String::from_utf8(table::csv(&axes, &rows, false).unwrap()).unwrap();
     assert!(
         csv.starts_with("point,servo,front_height,gait,motion,status,holds,iterations,plan_cost")
     );
@@ -141,6 +141,7 @@ fn rows(ready: &LoadedSweep, motions: &[&str], lost: &[u64]) -> Vec<Row> {
             reason: String::new(),
             iterations: 0,
             quantities: vec![Some(point as f64); Quantity::ALL.len()],
+            file: String::new(),
         }));
     }
     rows

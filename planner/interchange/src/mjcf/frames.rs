@@ -1,14 +1,15 @@
 //! Keyframes: state of the robot with the controls of its servos.
 
-use crate::bodies::{Blades, HingeOrigin, bodies, depth_first};
+use super::order::Order;
+use crate::bodies::{Blades, bodies};
 use crate::xml::numbers;
-use nalgebra::{Isometry3, Vector3};
-use rollwalk_multibody::{ANGULAR, JOINTS, LINEAR, Standing, State, Tree};
+use nalgebra::Isometry3;
+use rollwalk_multibody::{Standing, State, Tree};
 use rollwalk_planner::export::Rate;
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::sample::PlanSpline;
 use rollwalk_planner::whole_body::WholeBody;
-use rollwalk_robot::{Linkage, Robot, Transmission};
+use rollwalk_robot::Robot;
 
 /// A state of a model.
 pub struct Keyframe {
@@ -40,7 +41,7 @@ pub fn standing(robot: &Robot) -> Option<Keyframe> {
     let standing = Standing::new(&tree)?;
     let mut state = State::nominal(&tree);
     state.base_position_m = standing.frames.link_origins[0];
-    let order = Order::new(robot);
+    let order = Order::new(robot, &bodies(robot, &[], Blades::Roll));
     let still = vec![0.0; robot.end_effectors.len()];
     let motors = robot.end_effectors.iter().filter_map(|foot| foot.contact.actuator());
     Some(Keyframe {
@@ -60,8 +61,8 @@ pub fn standing(robot: &Robot) -> Option<Keyframe> {
 
 /// Keyframes of a plan from beginning to end.
 pub fn keyframes(plan: &Plan, rate: Rate) -> Vec<Keyframe> {
-    let (order, spline) = (Order::new(&plan.robot), PlanSpline::new(plan));
-    let mut whole = WholeBody::new(plan);
+    let order = Order::new(&plan.robot, &bodies(&plan.robot, &[], Blades::Roll));
+    let (spline, mut whole) = (PlanSpline::new(plan), WholeBody::new(plan));
     let frame = |(number, time_s): (usize, f64)| {
         let state = whole.at(time_s, &Isometry3::identity()).state;
         // After the end of a periodic motion, its first set-points follow.
@@ -111,68 +112,4 @@ fn controls(
     let wheels =
         wheels.map(|((motor, speed), torque_nm)| speed + offset(*torque_nm, motor.kd_nm_s_rad));
     joints.chain(wheels).collect()
-}
-
-/// Joint or wheel that a coordinate belongs to, with its index.
-enum Coordinate {
-    Joint(usize),
-    Wheel(usize),
-    /// Crank of the servo of a joint.
-    Crank(usize),
-}
-
-/// Coordinates of a model after those of its base, in the order of MuJoCo.
-struct Order {
-    coordinates: Vec<Coordinate>,
-    transmission: Transmission,
-}
-
-impl Order {
-    fn new(robot: &Robot) -> Self {
-        let bodies = bodies(robot, &[], Blades::Roll);
-        let of = |body: usize| match bodies[body].hinge.as_ref()?.of {
-            HingeOrigin::Joint { number, .. } => Some(Coordinate::Joint(number)),
-            HingeOrigin::Wheel { number, .. } => Some(Coordinate::Wheel(number)),
-        };
-        let cranks = |link: usize| {
-            let joints = robot.joints.iter().enumerate();
-            let on_link = move |linkage: &Linkage| linkage.link == link;
-            let on_link =
-                joints.filter(move |(_, joint)| joint.linkage.as_ref().is_some_and(on_link));
-            on_link.map(|(number, _)| Coordinate::Crank(number))
-        };
-        let all = depth_first(&bodies).into_iter();
-        Self {
-            coordinates: all.flat_map(|body| of(body).into_iter().chain(cranks(body))).collect(),
-            transmission: robot.transmission(),
-        }
-    }
-
-    /// Generalised positions of a state. The sign of the quaternion `wxyz` is continuous along a motion.
-    fn positions(&self, state: &State, wxyz: [f64; 4], wheel_rad: &[f64]) -> Vec<f64> {
-        let mut all: Vec<_> = state.base_position_m.iter().copied().collect();
-        all.extend(wxyz);
-        let motor_rad = self.transmission.motors(&state.joint_rad);
-        all.extend(self.coordinates.iter().map(|of| match *of {
-            Coordinate::Joint(joint) => state.joint_rad[joint],
-            Coordinate::Wheel(wheel) => wheel_rad[wheel],
-            Coordinate::Crank(joint) => motor_rad[joint],
-        }));
-        all
-    }
-
-    /// Generalised velocities of a state. MuJoCo has the angular velocity of the base in body axes.
-    fn velocities(&self, state: &State, wheel_rad_s: &[f64]) -> Vec<f64> {
-        let part = |from: usize| Vector3::from_column_slice(&state.velocity[from..from + 3]);
-        let spin_in_body = state.world_from_body.transpose() * part(ANGULAR);
-        let mut all: Vec<_> = part(LINEAR).iter().chain(spin_in_body.iter()).copied().collect();
-        let joints = &state.velocity[JOINTS..JOINTS + state.joint_rad.len()];
-        let motor_rad_s = self.transmission.at(&state.joint_rad).motors(joints);
-        all.extend(self.coordinates.iter().map(|of| match *of {
-            Coordinate::Joint(joint) => joints[joint],
-            Coordinate::Wheel(wheel) => wheel_rad_s[wheel],
-            Coordinate::Crank(joint) => motor_rad_s[joint],
-        }));
-        all
-    }
 }
