@@ -235,7 +235,7 @@ impl Player {
         Some(from + self.phase() * (to - from))
     }
 
-    /// Planned value of a channel, and its slope at the planned speed.
+    /// Planned value of a channel, and its derivative at playback speed 1.
     fn planned(&self, channel: usize) -> Option<Sample> {
         let [a, b, c, d] = self.window.frames();
         let value = |frame: &Frame| frame.values.get(channel).copied();

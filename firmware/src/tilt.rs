@@ -132,7 +132,7 @@ mod tests {
         assert_eq!((fall.pop(), fall.pop()), (Some(Event::Tipped), Some(Event::Leaning)));
     }
 
-    /// A fall is one after the same patience, and interrupted ones do not add up.
+    /// A fall counts after the same time as a lean. Interrupted falls do not add up.
     #[test]
     fn falls_that_end_in_time_do_not_add_up() {
         let (settings, level) = (SETTINGS(), Attitude::LEVEL);

@@ -29,7 +29,7 @@ pub struct Curve {
 }
 
 impl Curve {
-    /// Value and rate at a time, s, for given values of the knots.
+    /// Value and rate at `time_s` for given values of the knots.
     pub fn at(&self, values: &[f64], time_s: f64) -> [f64; 2] {
         let mut sum = [0.0; 2];
         for (knot, weights) in self.weights(time_s) {
@@ -39,7 +39,7 @@ impl Curve {
         sum
     }
 
-    /// Derivatives of value and rate at a time, s, with respect to one knot.
+    /// Derivatives of value and rate at `time_s` with respect to one knot.
     pub fn of_knot(&self, knot: usize, time_s: f64) -> [f64; 2] {
         let mut sum = [0.0; 2];
         for (_, weights) in self.weights(time_s).into_iter().filter(|(of, _)| *of == knot) {

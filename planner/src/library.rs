@@ -176,7 +176,7 @@ pub fn build(content: &LibraryContent) -> Result<BuiltLibrary, LibraryError> {
     Ok(BuiltLibrary { bytes, clips: stats })
 }
 
-/// Frame of a motion at a time, modulo the period if the motion is periodic.
+/// Frame of a motion at `time_s`, modulo the period if the motion is periodic.
 fn frame_of(
     content: &LibraryContent,
     motion: usize,
@@ -193,7 +193,7 @@ fn frame_of(
     Ok(u16::try_from(frame).unwrap_or(u16::MAX))
 }
 
-/// Index of the frame at a time.
+/// Index of the frame at `time_s`.
 fn frame_at(motion: &str, field: &'static str, time_s: f64) -> Result<usize, LibraryError> {
     /// Tolerance within which a time counts as that of a frame, as a fraction of a frame.
     const ON_FRAME: f64 = 1e-6;

@@ -149,7 +149,7 @@ impl PlanSpline {
         &self.ground
     }
 
-    /// Set-points at a time. A periodic motion repeats; other motions stay at their ends.
+    /// Set-points at `plan_time_s`. A periodic motion repeats; other motions stay at their ends.
     pub fn setpoints(&self, plan_time_s: f64) -> Setpoints {
         let (time_s, _) = self.within(plan_time_s);
         let joints: Vec<_> = self.pose[4..].iter().map(|spline| spline.at(time_s)).collect();
@@ -170,7 +170,8 @@ impl PlanSpline {
         }
     }
 
-    /// Corrections of the joints' set-points at a time, rad, and their rates, rad/s. Zero for a plan that was not retargeted.
+    /// Corrections of the joints' set-points at `plan_time_s`, rad, and their rates, rad/s. Zero for a plan that was not
+    /// retargeted.
     fn corrections(&self, plan_time_s: f64) -> Vec<[f64; 2]> {
         let (time_s, _) = self.within(plan_time_s);
         let of_joint = |spline: &Spline| {
@@ -183,19 +184,20 @@ impl PlanSpline {
         }
     }
 
-    /// State of the robot at a time, in the plan's world frame. Wheel and motor speeds are instantaneous. Between two samples,
-    /// a contact flag is set if both are in stance.
+    /// State of the robot at `plan_time_s`, in the plan's world frame. Wheel and motor speeds are instantaneous. Between two
+    /// samples, a contact flag is set if both samples are in stance.
     pub fn sample(&self, plan_time_s: f64) -> Sample {
         let (time_s, _) = self.within(plan_time_s);
         Sample { time_s: plan_time_s, ..self.state(time_s, &self.placement(plan_time_s)) }
     }
 
-    /// Placement of the period at a time, relative to the first period. Motions that do not repeat have one period.
+    /// Placement of the period that contains `plan_time_s`, relative to the first period. Motions that do not repeat have one
+    /// period.
     pub(crate) fn placement(&self, plan_time_s: f64) -> Placement {
         self.placement.repeated(self.within(plan_time_s).1)
     }
 
-    /// State of the robot at a time inside the motion, moved by `placement`.
+    /// State of the robot at `time_s` inside the motion, moved by `placement`.
     fn state(&self, time_s: f64, placement: &Placement) -> Sample {
         let xy = self.base_xy.at(time_s).value;
         let free: Vec<f64> = self.pose.iter().map(|spline| spline.at(time_s).value.re).collect();
@@ -277,7 +279,7 @@ impl PlanSpline {
         self.motor_angle.iter().map(angle).collect()
     }
 
-    /// Index of the interval at a time inside the motion, and the elapsed fraction of it.
+    /// Index of the interval that contains `time_s`, and the elapsed fraction of this interval.
     fn interval(&self, time_s: f64) -> (usize, f64) {
         let position = time_s / self.spacing_s;
         let i = (position.floor().max(0.0) as usize).min(self.force_n.len() - 2);

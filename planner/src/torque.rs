@@ -73,12 +73,12 @@ impl InverseDynamics {
         &self.spline
     }
 
-    /// Torques and forces at a time of the plan. A periodic motion repeats; other motions stay at their ends.
+    /// Torques and forces at `plan_time_s`. A periodic motion repeats; other motions stay at their ends.
     pub fn at(&mut self, plan_time_s: f64) -> Actuation {
         self.moving(plan_time_s).2
     }
 
-    /// Motion, planned contacts, and torques and forces at a time of the plan.
+    /// Motion, planned contacts, torques and forces at `plan_time_s`.
     pub(crate) fn moving(&mut self, plan_time_s: f64) -> (Rates, Vec<PlannedContact>, Actuation) {
         let (tree, kinematics) = (&self.tree, &mut self.kinematics);
         let rates = self.spline.rates(plan_time_s, tree);

@@ -43,13 +43,13 @@ impl WholeBody {
         self.inverse.tree()
     }
 
-    /// Set-points of joints and driven wheels at a time, and torques in channel order, N·m.
+    /// Set-points of joints and driven wheels at `plan_time_s`, and torques in channel order, N·m.
     pub fn setpoints(&mut self, plan_time_s: f64) -> (Setpoints, Vec<f64>) {
         let torques_nm = self.inverse.at(plan_time_s).channels_nm().collect();
         (self.inverse.spline().setpoints(plan_time_s), torques_nm)
     }
 
-    /// Stance flag of each end effector at a time, as in [`Instant`].
+    /// Stance flag of each end effector at `plan_time_s`, as in [`Instant`].
     pub fn stands(&self, plan_time_s: f64) -> Vec<bool> {
         stand(&self.inverse.spline().planned_contacts(plan_time_s))
     }
@@ -68,8 +68,8 @@ impl WholeBody {
         sample.end_effectors.iter().enumerate().map(height_m).collect()
     }
 
-    /// State of the robot at a time. `world_from_plan` is the pose of the plan in the world. A periodic motion continues in
-    /// later periods; other motions stay at their ends.
+    /// State of the robot at `plan_time_s`. `world_from_plan` is the pose of the plan in the world. A periodic motion continues
+    /// in later periods; other motions stay at their ends.
     pub fn at(&mut self, plan_time_s: f64, world_from_plan: &Isometry3<f64>) -> Instant {
         let (rates, contacts, actuation) = self.inverse.moving(plan_time_s);
         let placement = self.inverse.spline().placement(plan_time_s);

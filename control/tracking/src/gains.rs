@@ -64,7 +64,7 @@ impl Gains {
         Self { interval_s, repeats, gains: gains.into() }
     }
 
-    /// K at a time of the plan.
+    /// Gain matrix K at `time_s` of the plan.
     pub(crate) fn at(&self, time_s: f64) -> &DMatrix<f64> {
         let count = self.gains.len();
         let at = (time_s / self.interval_s).floor();

@@ -451,8 +451,8 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
 
     /// Sends the log.
     ///
-    /// The log is the longest answer, and the other requests lead to the deepest stack, where libraries are validated: a separate
-    /// function keeps the two apart.
+    /// The log is the longest answer. Other requests need the deepest stack, because they validate libraries. A separate function
+    /// keeps the buffer of the log off that stack.
     #[inline(never)]
     fn send_log(&mut self, now_us: u64, since: u32) {
         self.link.respond(&Response::Log(self.journal.since(now_us, since)));

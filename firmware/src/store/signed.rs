@@ -210,7 +210,7 @@ mod tests {
         assert_eq!(Signed::new(holding(&signed_by(2)), owner()).bytes(), b"");
     }
 
-    /// Neutral element of the curve as the key: anyone can sign with it.
+    /// Uses the neutral element of the curve as the key. Anyone can forge a signature for this key.
     #[test]
     fn a_weak_key_lets_no_library_pass() {
         let mut neutral = [0; 32];
@@ -228,7 +228,8 @@ mod tests {
         }
     }
 
-    /// A library on trial is not signed by the owner, for example after an image with another key was flashed.
+    /// Restarts with a library on trial that has another signature than the owner's, as after flashing an image with another
+    /// key.
     #[test]
     fn a_library_on_trial_that_is_not_the_owners_is_rolled_back_at_power_on() {
         let flash = FlashStore::mount(RamFlash::new([0xFF; 8 * 4096]), 2).unwrap();

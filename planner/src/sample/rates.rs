@@ -13,7 +13,7 @@ pub(crate) struct Rates {
     pub acceleration: Vec<f64>,
 }
 
-/// Planned contact of one end effector at a time.
+/// Planned contact of one end effector at one instant.
 #[derive(Clone, Copy)]
 pub(crate) struct PlannedContact {
     /// Planned force, N. During lift-off or landing, this is the force at the neighbouring stance sample.
@@ -23,8 +23,8 @@ pub(crate) struct PlannedContact {
 }
 
 impl PlanSpline {
-    /// Motion of `tree` at a time. A periodic motion is in the frame of its first period. A motion at rest has no acceleration
-    /// at its ends, because its first and last pose are held.
+    /// Motion of `tree` at `plan_time_s`. A periodic motion is in the frame of its first period. A motion at rest has no
+    /// acceleration at its ends, because its first and last pose are held.
     pub(crate) fn rates(&self, plan_time_s: f64, tree: &Tree) -> Rates {
         let (time_s, _) = self.within(plan_time_s);
         let xy = self.base_xy.at(time_s);
@@ -65,7 +65,7 @@ impl PlanSpline {
         Rates { state, acceleration }
     }
 
-    /// Planned contacts at a time. Those of a periodic motion are in the frame of its first period.
+    /// Planned contacts at `plan_time_s`. Those of a periodic motion are in the frame of its first period.
     pub(crate) fn planned_contacts(&self, plan_time_s: f64) -> Vec<PlannedContact> {
         let (i, u) = self.interval(self.within(plan_time_s).0);
         (0..self.stance[i].len())

@@ -62,7 +62,7 @@ impl Kinematics {
                 .sum::<f64>()
     }
 
-    /// Adds the generalised forces of a force at a point and a moment on a link, all in world axes.
+    /// Adds to `out` the generalised forces of a wrench on a link: `force` at `point`, and `moment`. Vectors are in world axes.
     fn project(
         &self,
         tree: &Tree,

@@ -81,7 +81,7 @@ pub(super) fn shapes(
     }
     if let Some(first) = shapeless.first() {
         let names = some_names(shapeless.iter().map(|link| &link.name));
-        notes.warn(&first.span, format_args!("link {names}: no shape, because the link has no inertia, or the inertia of a box larger than the robot; correct <inertial>, or give `shapes` in the robot file"));
+        notes.warn(&first.span, format_args!("link {names}: no shape, because the inertia is missing or far too large for the robot; correct <inertial>, or give `shapes` in the robot file"));
     }
     all
 }

@@ -157,7 +157,7 @@ impl<C: Core> Rig<C> {
             lost: None,
             recorder: Recorder::new(takes_setpoints),
             config,
-            node: Node::new(settings.node).expect("the default address is one"),
+            node: Node::new(settings.node).expect("the default node address is valid"),
             link,
             host,
             host_inbox: VecDeque::new(),

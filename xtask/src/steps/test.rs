@@ -105,7 +105,7 @@ impl Step for TestStep {
         match self {
             Self::Crates => "the packages themselves",
             Self::Build => "the node of ROS 2 and the Python package, their lints and tests",
-            Self::Studio => "the page's sources, Firefox, all but one test",
+            Self::Studio => "types and build of the page, Firefox, all tests but one",
             Self::Board => "a motion over the UART",
             Self::Multibody => "45 of 50 states of each robot",
             Self::Exports => "robots in Pinocchio and as URDF, plans as MJCF and MCAP",

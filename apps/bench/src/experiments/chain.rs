@@ -112,7 +112,7 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     ));
     let rate = STEPS as f64 / curve[curve.len() - 1].1;
     checks.push(Check::informative(
-        "steps of 40 bodies a second",
+        "40 bodies: steps per second",
         "MuJoCo 9084, rapier 6300",
         rate,
     ));

@@ -74,7 +74,8 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
                 side.push((name, found.side));
             }
         }
-        let what = format!("{model:?}: sequences of contacts that end within {NEAR_MM} mm");
+        let what =
+            format!("{model:?}: sequences of contacts that end within {NEAR_MM} mm of the target");
         checks.push(Check::at_least(&what, "several", sequences.len() as f64, 3.0));
         checks.push(Check::informative(
             &format!("{model:?}: simulations"),

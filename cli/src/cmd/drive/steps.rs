@@ -38,7 +38,7 @@ impl FromStr for Step {
     }
 }
 
-/// Steering at a time: that of the most recent step.
+/// Steering of the most recent step at `time_s`.
 pub fn at(steps: &[Step], time_s: f64) -> Steering {
     let begun = steps.iter().rev().find(|step| step.at_s <= time_s);
     begun.map(|step| step.steering).unwrap_or_default()

@@ -40,7 +40,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let tick_ms = 1e3 / f64::from(rate_hz);
     if args.delay_ms > 0.0 && args.delay_ms < 0.5 * tick_ms {
         return Err(miette!(
-            help = format!("resolve the delay with --rate {:.0}", (1e3 / args.delay_ms).ceil()),
+            help =
+                format!("raise the control rate with --rate {:.0}", (1e3 / args.delay_ms).ceil()),
             "--delay-ms {} is less than half of a tick of {tick_ms:.1} ms, and would have no \
              effect",
             args.delay_ms

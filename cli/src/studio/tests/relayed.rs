@@ -1,4 +1,5 @@
-//! Tests of the relay with pages, other sites and other programs. The test itself is the robot's end of the bus.
+//! Tests of the relay between a page and a bus. Other sites and other programs must not get the bus. The test acts as the robot
+//! on the bus.
 
 use super::{TestServer, start, start_with};
 use crate::studio::relay::Relay;

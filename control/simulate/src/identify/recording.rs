@@ -277,14 +277,14 @@ impl Recording {
         Ok(self)
     }
 
-    /// Measured orientation at a time; `None` without a measurement within `half_s`.
+    /// Measured orientation at `time_s`; `None` without a measurement within `half_s`.
     pub(super) fn orientation_at(&self, time_s: f64, half_s: f64) -> Option<Matrix3<f64>> {
         let [w, x, y, z] = self.orientation.as_ref()?;
         let at = |series: &Series| series.value_near(time_s, half_s);
         Some(rotation([at(w)?, at(x)?, at(y)?, at(z)?]))
     }
 
-    /// Measured vector at a time; `None` without a measurement within `half_s`.
+    /// Measured vector at `time_s`; `None` without a measurement within `half_s`.
     pub(super) fn vector_at(
         of: Option<&[Series; 3]>,
         time_s: f64,

@@ -61,7 +61,7 @@ impl Series {
         self
     }
 
-    /// Value and slope at a time. Before the first and after the final point the value is constant; an empty series is 0.
+    /// Value and slope at `time_s`. Before the first and after the final point the value is constant. An empty series is 0.
     pub fn at(&self, time_s: f64) -> [f64; 2] {
         let after = self.points.partition_point(|point| point[0] < time_s);
         match (after.checked_sub(1).map(|before| self.points[before]), self.points.get(after)) {
@@ -75,7 +75,7 @@ impl Series {
         }
     }
 
-    /// Value at a time; `None` without a measurement within `half_s`.
+    /// Value at `time_s`; `None` without a measurement within `half_s`.
     ///
     /// The value is interpolated. If the points before and after the time are more than 0.1 s apart, or one is missing, the
     /// value of the nearest point is returned.

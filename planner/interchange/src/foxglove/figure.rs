@@ -47,7 +47,7 @@ impl<'r> Figure<'r> {
         Self { robot, bodies, joint_names: joint_names(robot), prefix: prefix.to_owned(), color }
     }
 
-    /// Frames of all bodies at a time, s.
+    /// Frames of all bodies at `time_s`.
     pub fn transforms(&self, posture: &Posture<'_>, time_s: f64) -> FrameTransforms {
         let transform = |body: &Body<'_>| {
             let (parent, pose) = match &body.hinge {

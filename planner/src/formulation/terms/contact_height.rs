@@ -1,9 +1,9 @@
 //! Height of contact points above the ground (Eq. 2.9), e_z − h(e_x, e_y): 0 in stance, the profile of [`crate::motion::swing`]
 //! in swing. One row per end effector and sample, m.
 //!
-//! On terrain with edges h is the envelope in swing, and the height is between the profile and the profile plus a band where
-//! the profile is above 0: two inequality rows. With the profile alone, swings could not be above an edge half-way between
-//! samples ([`super::swing_clearance`]); without an upper end, a leg was thrown up to balance.
+//! On terrain with edges, h is the envelope in swing. Where the profile is above 0, two inequality rows keep the height between
+//! the profile and the profile plus a band. The profile alone would not let a swing clear an edge half-way between two samples
+//! ([`super::swing_clearance`]). Without the upper bound, plans throw a leg up for balance.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};

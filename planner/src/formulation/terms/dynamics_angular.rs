@@ -1,11 +1,11 @@
 //! Angular centroidal dynamics (Eq. 2.4) in the mean around every sample ([`MeanWeights`]), in the world frame: m − (A⁺ − A⁻)/h²
-//! = 0. m is the mean (m₋ + 4m + m₊)/6 of Σ (e − x) × f. Three rows per sample, N·m. The moments in them are variables, which
-//! three more rows define.
+//! = 0. m is the mean (m₋ + 4m + m₊)/6 of Σ (e − x) × f. Three rows per sample, N·m. The moments are variables of their own,
+//! defined by three more rows.
 //!
 //! A⁻ and A⁺ are the moments that the robot sweeps in the intervals before and after the sample ([`SweptMoment`]): A/h is the
 //! mean angular momentum of the interval. The thesis uses one body with the inertia of the nominal pose instead, which omits
-//! the momentum of the limbs. Swings then missed moments of 5 mm times the weight in a walk and of 41 mm times the weight in a
-//! flying trot.
+//! the momentum of the limbs. The omitted moment is 5 mm times the weight in a walk, and 41 mm times the weight in a flying
+//! trot.
 //!
 //! [`MeanWeights`]: crate::problem::MeanWeights
 //! [`SweptMoment`]: rollwalk_multibody::euler::SweptMoment

@@ -13,9 +13,9 @@
 //! a × ρ = −r t for every tilt, so that only the rolling direction matters. Rolling direction and n are taken at the middle of
 //! the interval: plans then slip by 1.5 mm/s, against 2–19 mm/s with the forward Euler rule printed in the thesis.
 //!
-//! Skates that touch down or lift off across their rolling direction scrub. The rows in those intervals raised their replayed
-//! speed from 0.66–0.94 of the planned speed to 0.96–1.04. Feet carry force in those intervals too: without the cost, a held
-//! walk covered 0.96 of its distance and a side step 1.06; with it, both covered 1.00.
+//! Skates that touch down or lift off across their rolling direction scrub. With rows in those intervals, skates reach 0.96 to
+//! 1.04 of the planned speed in simulation; without them, 0.66 to 0.94. Feet also carry force in those intervals. With the cost,
+//! a held walk and a side step cover 1.00 of their distance. Without it, the walk covers 0.96 and the side step 1.06.
 
 use super::link_turn::{d_link_turn, link_turn};
 use crate::families::Family;

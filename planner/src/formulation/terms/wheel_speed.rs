@@ -1,7 +1,8 @@
 //! Speed limits of the motors of driven wheels. Two inequality rows per driven wheel and interval, rad/s.
 //!
-//! A motor turns the wheel relative to the link that carries it. Its speed is therefore not ω but ω + α̇_yaw (v·a) − Ω_link·a,
-//! with a at the middle of the interval. Motors of held wheels do not turn: see [`super::WheelHeld`].
+//! A motor turns the wheel relative to the link that carries it. The motor speed is therefore ω + α̇_yaw (v·a) − Ω_link·a. The
+//! wheel has speed ω, yaw α_yaw, and the axis a at the middle of the interval. The vertical is v. The link has the angular
+//! velocity Ω_link. Motors of held wheels do not turn: see [`super::WheelHeld`].
 
 use super::joint_speed::BAND_FRACTION;
 use super::link_turn::{d_link_turn, link_turn};

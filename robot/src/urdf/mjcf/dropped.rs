@@ -27,12 +27,12 @@ pub fn warn<'a, 'i>(
         (
             "equality",
             &["connect", "weld", "tendon", "flex"][..],
-            "a loop is imported if it has a crank with a motor, a rod, parallel axes and joints without motors, as a four-bar or five-bar leg. Lock the passive joints of this one under [lock] of the side file; if a motor turns a joint by crank and rod, write `linkage` at this joint into the robot file",
+            "a loop is imported if it has a crank with a motor, a rod, parallel axes and joints without motors, as a four-bar or five-bar leg. Lock the passive joints of this loop under [lock] of the side file; if a motor turns a joint by crank and rod, write `linkage` at this joint into the robot file",
         ),
         (
             "tendon",
             &["fixed", "spatial"],
-            "robot files have no tendons but fixed ones with a motor of their own, so the joints move independently: lock those without a motor under [lock] of the side file",
+            "a tendon is imported only if it is fixed and a motor drives it. Without the tendon its joints move independently: lock the joints without a motor under [lock] of the side file",
         ),
     ] {
         for kind in kinds {

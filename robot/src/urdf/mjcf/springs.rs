@@ -87,7 +87,7 @@ impl Springs {
         if let Some((name, rest_rad, span)) = self.passive.first() {
             let names = some_names(self.passive.iter().map(|(name, ..)| name));
             reader.notes.warn(span, format_args!(
-                "joint {names}: has a spring and no actuator, and robot files have no joints without a motor; lock it where the spring holds it, such as {} = {} under [lock] of the side file",
+                "joint {names}: has a spring but no motor, and robot files have no joints without a motor; lock the joint at the rest angle of the spring, such as {} = {} under [lock] of the side file",
                 key(name),
                 show(*rest_rad)
             ));

@@ -139,7 +139,7 @@ impl Setpoints {
         Ok(last.is_none() && kp != Some(0.0))
     }
 
-    /// Number of the control period at a time.
+    /// Number of the control period at the instant `at`.
     fn tick(&self, at: SimTime) -> u64 {
         // Instants of ticks are rounded down.
         (at.as_ns() + 1) * u64::from(self.control_hz) / 1_000_000_000
