@@ -5,7 +5,7 @@
 //!
 //! The optimiser consists of layers that use only layers before them (`tests/planner/layers.rs`): [`families`], `problem`,
 //! `formulation`, `solve`, then `start` and `diagnose`, then `planning`. [`sensitivity`] computes derivatives of plans with
-//! respect to the robot.
+//! respect to the robot, and [`timing`] chooses free times by their prices.
 //!
 //! ```
 //! use rollwalk_planner::{Options, motion::Motion, optimise, report::Report};
@@ -50,6 +50,7 @@ pub mod start;
 mod test_plans;
 #[cfg(test)]
 mod test_robots;
+pub mod timing;
 pub mod torque;
 pub mod whole_body;
 

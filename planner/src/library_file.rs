@@ -360,6 +360,7 @@ fn planned(document: &Document<'_>, table: &Table<'_>, robot: &Robot) -> Option<
         terrain: None,
         ground: Footing::default(),
         needs_feedback: None,
+        timing: Default::default(),
     })
 }
 

@@ -5,11 +5,13 @@ mod json;
 mod number;
 mod placement;
 mod solve_start;
+mod timing_choice;
 mod validate;
 
 pub use diagnosis::{Culprit, DURATION, Diagnosis, Verdict};
 pub use json::PlanError;
 pub use solve_start::{SolveStart, StartKind};
+pub use timing_choice::{TimingChoice, TimingScore};
 
 pub(crate) use json::join_plain_arrays;
 
@@ -166,6 +168,9 @@ pub struct SolveSummary {
     /// Coarser grids on which the plan failed as played, in order. Empty if the plan has the samples of the motion file.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub refinements: Vec<Refinement>,
+    /// Times of the request, if the planner chose others or confirmed them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub timing: Option<TimingChoice>,
 }
 
 /// Grid that was refined, and the residual as played that was the reason.

@@ -297,6 +297,7 @@ impl Horizon {
             start: SolveStart { kind: StartKind::Neighbour, seed: 0 },
             diagnosis: None,
             refinements: Vec::new(),
+            timing: None,
         };
         (unknowns, summary)
     }

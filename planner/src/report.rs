@@ -27,6 +27,7 @@ mod sag;
 mod second_opinion;
 mod slipping;
 mod table;
+mod timing;
 
 pub use crate::growth::Growth;
 pub use as_played::{LargestTorque, MotorKind};
@@ -36,6 +37,7 @@ pub use judgement::Judgement;
 pub use net::UndoneGoal;
 pub use residual::{Grid, ResidualLocation, Row};
 pub use sag::Sag;
+pub use timing::TimingChange;
 
 use crate::families::Family;
 use crate::growth;
@@ -76,6 +78,9 @@ pub struct Report {
     /// Factor by which small errors grow per cycle without feedback. `None` for motions that are not periodic, and if legs
     /// buckle.
     pub growth_per_cycle: Option<Growth>,
+    /// Chosen times compared with those of the request. `None` for a plan with given times.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub timing: Option<Box<TimingChange>>,
 }
 
 impl Report {
@@ -121,6 +126,7 @@ impl Report {
             sag: None,
             taken_back: UndoneGoal::of(plan),
             growth_per_cycle: None,
+            timing: TimingChange::of(plan).map(Box::new),
         }
     }
 
@@ -145,6 +151,9 @@ impl Report {
         }
         for coarser in &solve.refinements {
             text += &format!("\n{coarser}");
+        }
+        if let Some(timing) = &self.timing {
+            text += &format!("\n{timing}");
         }
         if solve.diagnosis.is_some() || solve.status == crate::plan::Status::Interrupted {
             // The prediction of playback adds nothing.

@@ -13,11 +13,13 @@ mod objective;
 mod price;
 mod shortfall;
 mod time_shift;
+mod timing;
 
 pub use feature::Feature;
 pub use objective::Objective;
 pub use price::Price;
 pub use shortfall::{Shortfall, Slopes};
+pub use timing::TimingPrices;
 
 use crate::formulation::System;
 use crate::formulation::rows::{Columns, DifferentiatedRows, Role, Row, Rows};

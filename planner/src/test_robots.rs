@@ -190,6 +190,7 @@ pub fn motion(robot: &Robot, ends: Ends) -> Motion {
         terrain: None,
         ground: Footing::default(),
         needs_feedback: None,
+        timing: Default::default(),
     }
 }
 

@@ -9,7 +9,7 @@ use rollwalk_planner::building::{
 use rollwalk_planner::library_file::{LibraryFile, MotionSource};
 use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_planner::plan::{Plan, Status};
-use rollwalk_planner::{Options, Progress, TransitionError, optimise, optimise_transition};
+use rollwalk_planner::{Options, Progress, TransitionError, optimise_transition, timing};
 use rollwalk_protocol::crc::file_digest;
 use rollwalk_robot::Robot;
 use rollwalk_robot::document::DocumentError;
@@ -180,7 +180,7 @@ impl ProgressSolver<'_> {
 
 impl Solver for ProgressSolver<'_> {
     fn motion(&mut self, robot: &Robot, motion: &Motion, options: &Options) -> Option<Plan> {
-        self.watch(&motion.name, |progress| optimise(robot, motion, options, progress))
+        self.watch(&motion.name, |progress| timing::optimise(robot, motion, options, progress).plan)
     }
 
     fn transition(

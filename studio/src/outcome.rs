@@ -9,9 +9,13 @@ use rollwalk_planner::plan::{self, DURATION, Plan, SolveSummary, Status, Verdict
 pub fn solve(plan: &Plan, project: &Project<'_>, in_full: bool) -> Solve {
     let SolveSummary { status, iterations, energy, worst_level, worst_constraint, .. } = plan.solve;
     let culprits = plan.solve.diagnosis.iter().flat_map(|diagnosis| &diagnosis.culprits);
+    let mut words = words(&plan.solve, in_full);
+    if !plan.motion.timing.is_given() && plan.solve.timing.is_none() {
+        words += " Planned with the given times; `rollwalk plan` and libraries choose them as `timing` requests.";
+    }
     Solve {
         status,
-        words: words(&plan.solve, in_full),
+        words,
         iterations,
         energy,
         worst_level,

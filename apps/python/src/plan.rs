@@ -353,7 +353,7 @@ pub fn options(seed: u64, iterations: Option<NonZeroU32>, samples_fixed: bool) -
     options
 }
 
-/// Optimises a motion from its candidate starts on several threads.
+/// Optimises a motion with its free times, or with the given ones from its candidate starts on several threads.
 pub fn optimise(
     robot: &robot::Robot,
     motion: &planner::motion::Motion,
@@ -361,6 +361,10 @@ pub fn optimise(
     threads: Option<NonZeroUsize>,
     watch: &Watch<Progress>,
 ) -> planned::Plan {
+    let progress = &mut |state: &_| watch.at(Progress::of(&motion.name, state));
+    if let Some(chosen) = planner::timing::choose(robot, motion, options, progress) {
+        return chosen.plan;
+    }
     let search = Search::new(robot, motion, options);
     let cores = threads.or_else(|| thread::available_parallelism().ok());
     let threads = cores.map_or(1, NonZeroUsize::get).min(search.candidates());

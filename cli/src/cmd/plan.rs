@@ -124,6 +124,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let is_given = from.is_some();
     let mut plan = match from {
         Some(previous) => {
+            if !motion.timing.is_given() {
+                output::print_line(
+                    "planned with the given times, because --from gives the start; without --from, \
+                     `timing` in the motion file takes effect",
+                );
+            }
             let progress = &mut |progress: &_| watch.iteration(progress);
             replan(&previous, &robot, &motion, &options, progress).into_diagnostic()?
         }
@@ -304,6 +310,9 @@ impl<'a> PlanResult<'a> {
         let solve = &plan.solve;
         // A plan that is written after Ctrl-C had converged before a refinement with more samples.
         let status = match written {
+            Some(_) if interrupted && solve.timing.is_some() => {
+                "converged; the search for better times was interrupted".to_owned()
+            }
             Some(_) if interrupted => {
                 format!(
                     "converged with {} samples; the solve with more samples was interrupted",
@@ -372,6 +381,9 @@ fn beginning(solve: &SolveSummary, is_given: bool) -> String {
         StartKind::Coarse => "the plan with fewer samples",
         StartKind::Neighbour if !solve.refinements.is_empty() => {
             return "the plan with fewer samples".to_owned();
+        }
+        StartKind::Neighbour if solve.timing.is_some() => {
+            return "the plan with other times".to_owned();
         }
         StartKind::Neighbour if is_given => return "the given plan".to_owned(),
         StartKind::Neighbour => return "the plan of an easier motion".to_owned(),

@@ -10,7 +10,7 @@ use rollwalk_planner::library::BuiltLibrary;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, SolveSummary, Status};
 use rollwalk_planner::report::Report;
-use rollwalk_planner::{Options, Progress, Search, TransitionError, optimise_transition};
+use rollwalk_planner::{Options, Progress, Search, TransitionError, optimise_transition, timing};
 use rollwalk_robot::Robot;
 use serde::Serialize;
 use std::sync::Once;
@@ -96,10 +96,16 @@ impl Plans {
     }
 }
 
-/// Optimises a motion from its candidate starts on all cores. The plan does not depend on the number of cores.
+/// Optimises a motion with its free times, or with the given ones from its candidate starts on all cores. The plan does not
+/// depend on the number of cores.
 ///
 /// `watch` displays the iterations of the first start that can still win, and the diagnosis if the first start fails.
 pub fn optimise(robot: &Robot, motion: &Motion, options: &Options, watch: &SolveProgress) -> Plan {
+    if let Some(chosen) =
+        timing::choose(robot, motion, options, &mut |state| watch.iteration(state))
+    {
+        return chosen.plan;
+    }
     let search = Search::new(robot, motion, options);
     let cores = thread::available_parallelism().map_or(1, usize::from);
     let said = Once::new();

@@ -76,7 +76,7 @@ pub(super) fn too_slow_to_step(problem: &Problem) -> Option<Culprit> {
         given: Some(limit_rad_s),
         would_do: Some(FOR_MOTION * factor * limit_rad_s),
         advice: format!(
-            "a longer duration, such as {:.2} s, faster motors, or a lower swing_height_m (the joints are too slow for a swing of {swing_s:.2} s)",
+            "a longer duration, such as {:.2} s, faster motors, or a lower swing_height_m (the joints are too slow for a swing of {swing_s:.2} s; with timing = \"duration\" the planner seeks the duration)",
             FOR_MOTION * factor * duration_s
         ),
     })

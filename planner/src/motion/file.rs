@@ -1,7 +1,7 @@
 //! Reader of motion files: from TOML text to a [`Motion`] for a given robot (docs/motion-files.md).
 
 use super::phases::CYCLES;
-use super::{ContactMargins, Ends, Footing, Goal, Motion, Reserve};
+use super::{ContactMargins, Ends, Footing, Goal, Motion, Reserve, Timing};
 use super::{choreography_check, choreography_file, footfall, wheels};
 use rollwalk_multibody::ground::Terrain;
 use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
@@ -175,6 +175,10 @@ fn motion(document: &Document<'_>, robot: &Robot, terrain: Option<&Terrain>) -> 
     let targets: Vec<_> = target_tables.iter().map(target).collect();
     let height = |table| choreography_file::height(document, table, robot, duration_s);
     let heights: Vec<_> = height_tables.iter().map(height).collect();
+    let spans = |table: &Table<'_>| ["from_s", "to_s"].iter().any(|key| table.has(key));
+    let times =
+        [("target", !target_tables.is_empty()), ("height", height_tables.iter().any(spans))];
+    let timing = Timing::read(&root, &times);
     root.done();
     let (duration_s, stance, swing_height_m) = steps?;
     named_robot?;
@@ -193,6 +197,7 @@ fn motion(document: &Document<'_>, robot: &Robot, terrain: Option<&Terrain>) -> 
         terrain: None,
         ground: Footing::default(),
         needs_feedback: needs_feedback?,
+        timing: timing?,
     };
     if let Some((terrain, margins)) = terrain? {
         motion.set_terrain(terrain, margins, robot);

@@ -10,7 +10,9 @@ mod footfall;
 mod footing;
 mod moment;
 mod phases;
+mod stretch;
 pub(crate) mod swing;
+mod timing;
 mod warnings;
 mod wheels;
 
@@ -18,6 +20,7 @@ pub use choreography::{HeightLimit, Subject, Target};
 pub use footfall::gaits;
 pub use footing::{Border, ContactMargins, Footing, MotionTerrain, Patch};
 pub use moment::Moment;
+pub use timing::{FreeTimes, Timing};
 
 use rollwalk_multibody::ground::Terrain;
 use rollwalk_robot::Robot;
@@ -61,6 +64,9 @@ pub struct Motion {
     /// Reason why the motion fails without feedback, from the motion file. `None` if it needs no feedback.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub needs_feedback: Option<String>,
+    /// Times that [`crate::timing`] may change. Other entry points of the planner keep all times.
+    #[serde(default, skip_serializing_if = "Timing::is_given")]
+    pub timing: Timing,
 }
 
 impl Motion {

@@ -47,6 +47,7 @@ impl Plan {
             }
         }
         self.validate_diagnosis(&at.of("solve"))?;
+        self.validate_timing(&at)?;
         self.validate_sample(&self.before, &at.of("before"))?;
         self.validate_sample(&self.after, &at.of("after"))?;
         self.validate_ends(&at)
@@ -166,6 +167,29 @@ impl Plan {
             at.holds(plain, "a text with control characters", "text without control characters")?;
         }
         Ok(())
+    }
+
+    /// Checks that bounds and given times have values in range.
+    fn validate_timing(&self, at: &Field) -> Result<(), PlanError> {
+        let [least, most] = self.motion.timing.bounds;
+        let ok = 0.0 < least && least <= 1.0 && 1.0 <= most && most.is_finite();
+        let expected = "[least, most] with 0 < least <= 1 <= most";
+        at.of("motion.timing.bounds").holds(ok, format!("[{least}, {most}]"), expected)?;
+        let Some(timing) = &self.solve.timing else { return Ok(()) };
+        let (at, feet) = (at.of("solve.timing"), self.robot.end_effectors.len());
+        let given_s = timing.given_duration_s;
+        let ok = given_s > 0.0 && given_s.is_finite();
+        at.of("given_duration_s").holds(ok, given_s, "a time above 0 s")?;
+        let rows = timing.given_stance.len();
+        let ok = (MIN_SAMPLES..=MAX_SAMPLES).contains(&rows);
+        let expected = format!("{MIN_SAMPLES} to {MAX_SAMPLES} samples");
+        at.of("given_stance").holds(ok, format!("{rows} samples long"), expected)?;
+        for (i, row) in timing.given_stance.iter().enumerate() {
+            at.item("given_stance", i).length(row.len(), feet, "end effector")?;
+        }
+        let scores = timing.given.iter().chain([&timing.chosen]);
+        let numbers: Vec<f64> = scores.flat_map(|score| [score.cost, score.as_played]).collect();
+        at.finite(&numbers)
     }
 
     /// Checks that targets and height limits name existing subjects, and times of the motion.

@@ -49,6 +49,7 @@ impl DiagnosedOutcome {
             start,
             diagnosis,
             refinements: Vec::new(),
+            timing: None,
         };
         let plan = write_samples(problem, motion, &outcome.unknowns, summary);
         Solution { plan, multipliers: outcome.multipliers }

@@ -49,6 +49,7 @@ pub fn replan_finer(
     let finer = refine::doubled(&plan.motion)?;
     let mut found = replan(plan, &plan.robot, &finer, options, progress).ok()?;
     found.solve.start = plan.solve.start;
+    found.solve.timing.clone_from(&plan.solve.timing);
     found.solve.refinements.splice(0..0, plan.solve.refinements.iter().cloned());
     let is_solved = found.solve.status.is_solved();
     (is_solved && Report::as_played(&found).judgement.is_good()).then_some(found)
@@ -106,6 +107,18 @@ impl Solution {
         };
         refined(Request { robot, motion, options }, progress, solve)
     }
+}
+
+/// Refines the samples of a solution if it fails the checks as played.
+pub(crate) fn refined_solution(
+    solution: Solution,
+    options: &Options,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Solution {
+    let robot = solution.plan.robot.clone();
+    let mut effort = Effort::new(&options.structures, progress);
+    effort.spent = solution.plan.solve.iterations;
+    refine::motion(solution, &robot, options, &mut effort)
 }
 
 /// Solves a request, and refines the samples of the solution if necessary.

@@ -26,6 +26,18 @@ pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Opti
     starts.into_iter().map(|(start, seed)| Options { start, seed, ..options.clone() }).collect()
 }
 
+/// Solves a motion from its first candidate alone. An infeasible request costs no search for feasible values.
+pub(crate) fn first_attempt(
+    robot: &Robot,
+    motion: &Motion,
+    options: &Options,
+    progress: &mut ProgressCallback<'_>,
+) -> Solution {
+    let options = &candidates(robot, motion, options).swap_remove(0);
+    let effort = &mut Effort::new(&options.structures, progress);
+    attempt(Request { robot, motion, options }, effort)
+}
+
 /// Search for a plan of one motion over its [`candidates`].
 ///
 /// ```

@@ -95,8 +95,18 @@ pub enum Content {
         /// Crosses and bars.
         marks: Vec<Mark>,
     },
-    /// Rows of bars, each with its name and filled spans.
-    Bars(Vec<(String, Vec<[f64; 2]>)>),
+    /// Rows of bars.
+    Bars(Vec<BarRow>),
+}
+
+/// Row of bars with its name.
+pub struct BarRow {
+    /// Name.
+    pub name: String,
+    /// Filled spans.
+    pub filled: Vec<[f64; 2]>,
+    /// Outlined spans, behind the filled ones.
+    pub outlined: Vec<[f64; 2]>,
 }
 
 /// Panel of a figure.
@@ -403,11 +413,15 @@ fn moment_in(group: Group, area: &Area, (at, words): &(f64, String)) -> Group {
     if words.is_empty() { group } else { group.add(label(words, x + 4.0, area.y + 12.0)) }
 }
 
-fn bars(mut group: Group, area: &Area, rows: &[(String, Vec<[f64; 2]>)]) -> Group {
+fn bars(mut group: Group, area: &Area, rows: &[BarRow]) -> Group {
     let pitch = area.height / rows.len().max(1) as f64;
-    for (k, (name, spans)) in rows.iter().enumerate() {
+    for (k, BarRow { name, filled, outlined }) in rows.iter().enumerate() {
         let top = area.y + k as f64 * pitch;
-        for &[from, to] in spans {
+        for &span in outlined {
+            let frame = rectangle(area, span, top + 0.06 * pitch, 0.88 * pitch);
+            group = group.add(frame.set("rx", 2).set("fill", "none").set("stroke", INK));
+        }
+        for &[from, to] in filled {
             let bar = rectangle(area, [from, to], top + 0.18 * pitch, 0.64 * pitch);
             group = group.add(bar.set("rx", 2).set("fill", "#8fb4d9"));
         }

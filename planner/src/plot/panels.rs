@@ -1,6 +1,7 @@
 //! Panels of the figure in columns, from the motion as played and the planned samples. This file contains the panels of the
 //! body and of the ground forces.
 
+use super::axes::BarRow;
 use super::axes::{Axis, Series};
 pub(super) use super::axes::{Content, Panel};
 use super::scale::Scale;
@@ -65,12 +66,24 @@ pub fn columns(plan: &Plan, panels: JointPanels) -> Vec<Vec<Panel>> {
         .collect()
 }
 
-/// Creates the footfall chart. `None` for a robot without end effectors.
+/// Creates the footfall chart. Chosen footfalls are filled, and those of the request are outlined, stretched to the duration
+/// of the plan. `None` for a robot without end effectors.
 pub fn footfalls(plan: &Plan) -> Option<Panel> {
+    let given = plan.solve.timing.as_ref();
     let feet = plan.robot.end_effectors.iter().enumerate();
-    let rows: Vec<_> = feet.map(|(j, e)| (e.name.clone(), stances(plan, j))).collect();
+    let rows: Vec<BarRow> = feet
+        .map(|(j, foot)| BarRow {
+            name: foot.name.clone(),
+            filled: stances(plan, j),
+            outlined: given.map_or_else(Vec::new, |of| stance_spans(plan, &of.given_stance, j)),
+        })
+        .collect();
+    let title = given.map_or_else(
+        || "footfalls".to_owned(),
+        |of| format!("footfalls (outlined: as given, in {:.2} s)", of.given_duration_s),
+    );
     (!rows.is_empty()).then(|| Panel {
-        title: "footfalls".to_owned(),
+        title,
         axis: Axis::time(plan.motion.duration_s),
         shaded: Vec::new(),
         moments: Vec::new(),
@@ -80,11 +93,19 @@ pub fn footfalls(plan: &Plan) -> Option<Panel> {
 
 /// Time spans in which end effector `j` is in stance, s: half an interval around every stance sample.
 fn stances(plan: &Plan, j: usize) -> Vec<[f64; 2]> {
-    let (h, end) = (plan.sample_interval_s, plan.motion.duration_s);
+    stance_spans(plan, &plan.motion.stance, j)
+}
+
+/// Time spans in which end effector `j` is in stance, s, with contact flags `[sample][end effector]` over the duration of the
+/// plan.
+fn stance_spans(plan: &Plan, stance: &[Vec<bool>], j: usize) -> Vec<[f64; 2]> {
+    let end = plan.motion.duration_s;
+    let is_periodic = plan.motion.ends == Ends::Periodic;
+    let h = end / (stance.len() - usize::from(!is_periodic)) as f64;
     let mut spans: Vec<[f64; 2]> = Vec::new();
     let mut centers: Vec<(f64, bool)> =
-        plan.samples.iter().map(|s| (s.time_s, s.end_effectors[j].contact)).collect();
-    if plan.motion.ends == Ends::Periodic {
+        stance.iter().enumerate().map(|(i, flags)| (i as f64 * h, flags[j])).collect();
+    if is_periodic {
         centers.push((end, centers[0].1));
     }
     for (t, _) in centers.into_iter().filter(|(_, stands)| *stands) {

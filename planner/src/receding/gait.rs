@@ -115,6 +115,7 @@ impl Gait {
             terrain: None,
             ground: Footing::default(),
             needs_feedback: None,
+            timing: Default::default(),
         };
         let model = Model::new(robot);
         let layout = Layout::new(&model);

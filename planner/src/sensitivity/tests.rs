@@ -278,3 +278,28 @@ fn a_standing_body_rises_with_its_legs() {
     near(rises(&|by_m| thighs(by_m, "")), 0.6_f64.cos());
     near(rises(&|by_m| thighs(by_m, "front")), 0.5 * 0.6_f64.cos());
 }
+
+#[test]
+fn the_price_of_the_duration_is_its_gradient_and_that_of_plans_in_other_times() {
+    for name in ["walk.toml", "trot.toml", "drive_1m.toml"] {
+        let (robot, motion) = read(name);
+        let optimum = |motion: &Motion| {
+            Optimal::of(&planned(&robot, motion), &Options::default(), &mut on).unwrap()
+        };
+        let mut here = optimum(&motion);
+        let prices = here.timing_prices();
+        let per_s = prices.duration_per_s;
+        let [longer, shorter] =
+            [1.0 + 1e-4, 1.0 - 1e-4].map(|factor| motion.stretched(factor * motion.duration_s));
+        let design = |motion| Design { robot: &robot, motion };
+        let apart = longer.duration_s - shorter.duration_s;
+        let parameter = Parameter { ahead: design(&longer), behind: design(&shorter), apart };
+        let gradients = here.gradients(&[Objective::PlanCost], &[parameter]).unwrap();
+        // The adjoint method solves with the Hessian instead, to about 1e-4.
+        assert!((per_s / gradients[0].1[0] - 1.0).abs() < 2e-3, "{name}: {per_s} {gradients:?}");
+        // Re-solved plans a library frame longer and shorter. The third derivative leaves 0.2 %.
+        let cost = |frames| optimum(&motion.stretched_to(frames)).timing_prices().cost;
+        let difference = 30.0 * (cost(motion.frames() + 1) - cost(motion.frames() - 1));
+        assert!((per_s / difference - 1.0).abs() < 1e-2, "{name}: {per_s} {difference}");
+    }
+}

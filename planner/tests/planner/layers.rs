@@ -20,6 +20,7 @@ const LAYERS: &[&[&str]] = &[
     &["planning"],
     &["receding"],
     &["sensitivity"],
+    &["timing"],
     &["export", "library", "library_file", "plot"],
     &["building"],
     &["lib", "test_plans", "test_robots"],

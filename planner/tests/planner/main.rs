@@ -13,3 +13,4 @@ mod refine;
 mod robots;
 mod start;
 mod stepping;
+mod timing;

@@ -563,3 +563,38 @@ fn a_gait_moves_all_end_effectors_of_a_limb() {
     robot.end_effectors[0].name = "front_leftmost".into();
     assert!(Motion::from_toml("m.toml", &trot, &robot).is_err());
 }
+
+#[test]
+fn times_are_given_unless_the_file_frees_them() {
+    use rollwalk_planner::motion::{FreeTimes, Timing};
+    let timed = |keys: &str| broken("ends = ", &format!("{keys}\nends = "));
+    let given = motion(WALK).timing;
+    assert_eq!((given, given.free), (Timing::default(), FreeTimes::Given));
+    assert_eq!(timed("timing = \"given\"").unwrap(), motion(WALK));
+    let free = timed("timing = \"free\"\ntiming_bounds = [0.5, 2]").unwrap().timing;
+    assert_eq!(free, Timing { free: FreeTimes::Free, bounds: [0.5, 2.0] });
+    assert_eq!(timed("timing = \"duration\"").unwrap().timing.bounds, [0.7, 1.4]);
+
+    let at = line("ends");
+    assert_faults(timed("timing = \"fre\""), &[(at, "cannot be \"fre\"", "free")]);
+    assert_faults(
+        timed("timing_bounds = [0.7, 1.4]"),
+        &[(at, "`timing_bounds` bounds times that are given", "timing = \"duration\"")],
+    );
+    for bounds in ["[1.1, 1.4]", "[0.7, 0.9]", "[0.1, 1.4]", "[0.7, 5.0]"] {
+        assert_faults(
+            timed(&format!("timing = \"free\"\ntiming_bounds = {bounds}")),
+            &[(at + 1, "`timing_bounds` is [", "such as [0.7, 1.4]")],
+        );
+    }
+    let target = "[[target]]\nof = \"com\"\nat_s = 0.8\nleft_m = 0.01\n[footfalls]";
+    let text = WALK.replace("[footfalls]", target).replace("ends =", "timing = \"free\"\nends =");
+    assert_faults(
+        Motion::from_toml("walk.toml", &text, &agilebot()),
+        &[(at, "`timing` is given together with `[[target]]`", "names times in seconds")],
+    );
+    // A limit over the whole motion has no time of its own.
+    let whole = "[[height]]\nof = \"body\"\nbelow_m = 0.5\n[footfalls]";
+    let text = WALK.replace("[footfalls]", whole).replace("ends =", "timing = \"free\"\nends =");
+    assert!(Motion::from_toml("walk.toml", &text, &agilebot()).is_ok());
+}
