@@ -19,7 +19,7 @@ mod footfalls;
 
 use crate::motion::{FreeTimes, Motion};
 use crate::plan::TimingChoice;
-use crate::planning::{Options, Solution, optimise_solution, refined_solution};
+use crate::planning::{Options, Solution, first_attempt, optimise_solution, refined_solution};
 use crate::solve::{Method, Progress};
 use candidates::{Candidates, Choice};
 use rollwalk_robot::Robot;
@@ -72,4 +72,20 @@ pub fn choose(
         tried,
     });
     Some(solution)
+}
+
+/// Plans a motion from its first start, with its free times, and without a diagnosis. `None` if that start leads to no plan,
+/// or if the callback stopped the solve.
+pub fn attempt(
+    robot: &Robot,
+    motion: &Motion,
+    options: &Options,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Option<Solution> {
+    if !motion.timing.is_given() {
+        return choose(robot, motion, options, progress);
+    }
+    let solution = first_attempt(robot, motion, options, progress);
+    let solution = refined_solution(solution, options, progress);
+    solution.plan.solve.status.is_solved().then_some(solution)
 }

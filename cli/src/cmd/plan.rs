@@ -1,13 +1,18 @@
 //! `rollwalk plan`: optimises a motion.
 
+mod gaits;
+
 use super::robot::print_robot_warnings;
+use gaits::{GaitSearch, RankedPattern};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, miette};
+use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{
     Diagnosis, Plan, Refinement, SolveStart, SolveSummary, StartKind, Status,
 };
 use rollwalk_planner::report::{Judgement, Report};
 use rollwalk_planner::{Options, replan, replan_finer};
+use rollwalk_robot::Robot;
 use rollwalk_simulate::Verdict;
 use rollwalk_terminal::choices::{self, Choices, MethodChoice, StartChoice};
 use rollwalk_terminal::files::Output;
@@ -20,6 +25,7 @@ use rollwalk_terminal::{Exit, inputs, interrupt, output};
 use serde::Serialize;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// Maximum number of times that the samples of a plan are doubled because it misses its goals in simulation.
 const FINER: usize = 2;
@@ -39,6 +45,7 @@ Examples:
   rollwalk plan motions/walk.toml -o walk.plan.json --json | jq .iterations
   rollwalk plan motions/walk.toml -o walk.plan.json --seed 3
   rollwalk plan faster.toml -o faster.plan.json --from walk.plan.json
+  rollwalk plan motions/walk.toml -o gait.plan.json --search-gaits
   rollwalk plan odd.toml -o odd.plan.json --dump odd.problem.json
   rollwalk plan odd.problem.json -o odd.plan.json           repeats that solve
 
@@ -59,6 +66,10 @@ pub struct Args {
     /// Plan of a similar motion to start from, such as of the same motion before an edit.
     #[arg(long, value_name = "PLAN.json", conflicts_with_all = ["start", "seed"])]
     from: Option<PathBuf>,
+    /// Plan the goal with every gait that suits the robot, several duty factors, rolling wheels and the given footfalls. Prints
+    /// a table, ranked by what holds as played and then by costs, and writes the best plan.
+    #[arg(long, conflicts_with_all = ["from", "dump", "method"])]
+    search_gaits: bool,
     /// Optimisation method; the methods of the thesis are for comparison, and much slower.
     #[arg(long, value_enum)]
     method: Option<MethodChoice>,
@@ -104,6 +115,9 @@ struct PlanOutput<'a> {
     diagnosis: Option<&'a Diagnosis>,
     /// Path of the written plan; null after an interrupt.
     plan: Option<&'a PathBuf>,
+    /// Ranked footfall patterns of `--search-gaits`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    patterns: Option<&'a [RankedPattern]>,
 }
 
 /// Runs the subcommand.
@@ -120,22 +134,17 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     interrupt::install_handler();
     let options = Options::from(problem.options);
-    let watch = SolveProgress::start(&motion.name, args.verbose);
+    let started = Instant::now();
     let is_given = from.is_some();
-    let mut plan = match from {
-        Some(previous) => {
-            if !motion.timing.is_given() {
-                output::print_line(
-                    "planned with the given times, because --from gives the start; without --from, \
-                     `timing` in the motion file takes effect",
-                );
-            }
-            let progress = &mut |progress: &_| watch.iteration(progress);
-            replan(&previous, &robot, &motion, &options, progress).into_diagnostic()?
-        }
-        None => planning::optimise(&robot, &motion, &options, &watch),
+    let mut search = args
+        .search_gaits
+        .then(|| GaitSearch::run(&robot, &motion, &options, !args.no_simulation, args.verbose));
+    let table = search.as_ref().map(GaitSearch::table).unwrap_or_default();
+    let (mut plan, judged) = match search.as_mut().and_then(GaitSearch::best) {
+        Some(best) => best,
+        None => (solved(&robot, &motion, from.as_ref(), &options, args.verbose)?, None),
     };
-    let mut time_s = watch.finish().as_secs_f64();
+    let mut time_s = started.elapsed().as_secs_f64();
     let mut report = Report::new(&plan);
     let interrupted = interrupt::requested();
     // An interrupted refinement keeps the last plan that converged.
@@ -145,7 +154,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     let is_good = report.judgement.is_good();
     let mut simulation = match is_good && !interrupted && !args.no_simulation {
-        true => simulated(&plan),
+        true => judged.or_else(|| simulated(&plan)),
         false => None,
     };
     if let Some((finer, verdict, more_s)) =
@@ -157,11 +166,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     let interrupted = interrupted || interrupt::requested();
     let simulation = simulation.as_ref();
-    let end = PlanResult { plan: &plan, report: &report, simulation, time_s, written };
+    let patterns = search.as_ref().map(|search| &search.patterns[..]);
+    let end = PlanResult { plan: &plan, report: &report, simulation, time_s, written, patterns };
     if args.json {
         output::print_json(&end.outcome())?;
     } else {
-        place.comment(&end.describe(interrupted, is_given))?;
+        place.comment(&format!("{table}{}", end.describe(interrupted, is_given)))?;
     }
     if matches!(plan.solve.status, Status::Stalled | Status::IterationLimit) {
         output::print_line(match &args.dump {
@@ -183,6 +193,32 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     })
 }
 
+/// Plans a motion, from a plan if given, and otherwise with its free times.
+fn solved(
+    robot: &Robot,
+    motion: &Motion,
+    from: Option<&Plan>,
+    options: &Options,
+    verbose: bool,
+) -> miette::Result<Plan> {
+    let watch = SolveProgress::start(&motion.name, verbose);
+    let plan = match from {
+        Some(previous) => {
+            if !motion.timing.is_given() {
+                output::print_line(
+                    "planned with the given times, because --from gives the start; without --from, \
+                     `timing` in the motion file takes effect",
+                );
+            }
+            let progress = &mut |progress: &_| watch.iteration(progress);
+            replan(previous, robot, motion, options, progress).into_diagnostic()?
+        }
+        None => planning::optimise(robot, motion, options, &watch),
+    };
+    watch.finish();
+    Ok(plan)
+}
+
 /// Returns the problem to solve, and the path of the problem file if it was read from one.
 fn problem(args: &Args) -> miette::Result<(Problem, Option<&Path>)> {
     let file = inputs::motion_or_problem(&args.motion)?;
@@ -194,6 +230,7 @@ fn problem(args: &Args) -> miette::Result<(Problem, Option<&Path>)> {
             ("--method", args.method.is_some()),
             ("--iterations", args.iterations.is_some()),
             ("--samples-fixed", args.samples_fixed),
+            ("--search-gaits", args.search_gaits),
         ];
         if let Some((option, _)) = given.into_iter().find(|(_, given)| *given) {
             return Err(miette!(
@@ -284,11 +321,12 @@ struct PlanResult<'a> {
     /// Wall time of the solve, s.
     time_s: f64,
     written: Option<&'a PathBuf>,
+    patterns: Option<&'a [RankedPattern]>,
 }
 
 impl<'a> PlanResult<'a> {
     fn outcome(&self) -> PlanOutput<'a> {
-        let &Self { plan, report, simulation, time_s, written } = self;
+        let &Self { plan, report, simulation, time_s, written, patterns } = self;
         PlanOutput {
             solve: PlanOutcome::new(plan, time_s),
             interrupted: interrupt::requested(),
@@ -302,11 +340,12 @@ impl<'a> PlanResult<'a> {
             start: plan.solve.start,
             diagnosis: plan.solve.diagnosis.as_ref(),
             plan: written,
+            patterns,
         }
     }
 
     fn describe(&self, interrupted: bool, is_given: bool) -> String {
-        let &Self { plan, report, simulation, time_s, written } = self;
+        let &Self { plan, report, simulation, time_s, written, .. } = self;
         let solve = &plan.solve;
         // A plan that is written after Ctrl-C had converged before a refinement with more samples.
         let status = match written {

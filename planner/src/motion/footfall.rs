@@ -9,7 +9,7 @@ const GAIT_FEET: [&str; 4] = ["front_left", "front_right", "rear_left", "rear_ri
 
 /// Named gaits, with the phase of the cycle at mid-swing for each foot in [`GAIT_FEET`]. `walk` is the lateral sequence: rear
 /// left, front left, rear right, front right. In this slow gait, the robot's weight shifts least while one foot is in the air.
-const GAITS: [(&str, [f64; 4]); 5] = [
+pub(super) const GAITS: [(&str, [f64; 4]); 5] = [
     ("walk", [0.375, 0.875, 0.125, 0.625]),
     ("trot", [0.25, 0.75, 0.75, 0.25]),
     ("pace", [0.25, 0.75, 0.25, 0.75]),
@@ -70,7 +70,7 @@ fn gait(table: &Table<'_>, robot: &Robot, samples: usize) -> Option<Vec<Vec<bool
 
 /// Row in [`GAIT_FEET`] of every end effector of the robot. End effectors of one limb swing together: `front_left`,
 /// `front_left_toe` and `front_left_heel` belong to the row `front_left`. `None` if a name or a row does not match.
-fn gait_columns(robot: &Robot) -> Option<Vec<usize>> {
+pub(super) fn gait_columns(robot: &Robot) -> Option<Vec<usize>> {
     let row_of = |foot: &EndEffector| {
         GAIT_FEET.iter().position(|name| {
             let rest = foot.name.strip_prefix(name);

@@ -50,10 +50,14 @@ const WALL_M: f64 = 0.002;
 impl ContactMargins {
     /// Default margins for a robot.
     pub fn of(robot: &Robot) -> Self {
-        let model = Model::new(robot);
-        let height_m = model.standing_q(&nominal_rad(robot))[BASE_POSITION + 2].abs();
+        let height_m = standing_height_m(robot);
         Self { margin_m: MARGIN * height_m, swing_reach_m: SWING_REACH * height_m }
     }
+}
+
+/// Height of the body in the nominal posture, m.
+pub(super) fn standing_height_m(robot: &Robot) -> f64 {
+    Model::new(robot).standing_q(&nominal_rad(robot))[BASE_POSITION + 2].abs()
 }
 
 fn nominal_rad(robot: &Robot) -> Vec<f64> {

@@ -9,6 +9,7 @@ pub(crate) mod file;
 mod footfall;
 mod footing;
 mod moment;
+mod patterns;
 mod phases;
 mod stretch;
 pub(crate) mod swing;
@@ -20,6 +21,7 @@ pub use choreography::{HeightLimit, Subject, Target};
 pub use footfall::gaits;
 pub use footing::{Border, ContactMargins, Footing, MotionTerrain, Patch};
 pub use moment::Moment;
+pub use patterns::{Pattern, PatternKind};
 pub use timing::{FreeTimes, Timing};
 
 use rollwalk_multibody::ground::Terrain;
