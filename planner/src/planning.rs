@@ -13,8 +13,8 @@
 //! | `probed_solve` | one solve, which is restarted or diagnosed if the constraints cannot be met |
 //! | `neighbour` | one solve from a neighbouring plan |
 //! | `attempt` | solves from one start, or from the plan with half the samples |
-//! | `trials`, `feasibility` | solves with the values that a diagnosis suggests |
 //! | `refine` | solves with more samples if a plan fails the checks as played |
+//! | `trials`, `feasibility` | solves with the values that a diagnosis suggests |
 //! | `search` | attempts from all starts of a motion |
 //! | `replan`, `editing`, `transition`, `batch` | other entry points for callers |
 

@@ -7,6 +7,7 @@
 //! request, they confirm the verdict, and no other starts are tried.
 
 use super::effort::Effort;
+use super::refine;
 use super::request::Request;
 use super::solution::Solution;
 use super::trials::{Interrupted, SolveMethods, Trials};
@@ -60,8 +61,9 @@ const FAR_TOO_LOW: f64 = 0.5;
 const TRIALS_UP: usize = 5;
 /// Largest ratio of a larger goal to the largest goal that works.
 const GROWTH: f64 = 1.5;
-/// Iterations that are reserved for these trials, as a fraction of the limit of all trials, and at most.
-const RESERVED_UP: (usize, usize) = (8, 80);
+/// Iterations that are reserved for these trials, as a fraction of the limit of all trials, and at most. They suffice for a goal
+/// that is too far, which takes the limit of a trial, and a nearer one.
+const RESERVED_UP: (usize, usize) = (4, 160);
 
 /// Searches for feasible values after the solution of a request. Returns the solution and its consequence for other starts. A
 /// solution without a diagnosis is returned unchanged.
@@ -336,13 +338,27 @@ impl FeasibilitySearch<'_, '_> {
             let number = asked.rounded(number, works - fails);
             let Some((robot, motion)) = culprit.with_number(robot, motion, number) else { break };
             let Some(solution) = self.trials.solve(&robot, &motion, None, OF_TRIAL)? else { break };
-            if is_consistent(&solution) {
+            if self.is_consistent_refined(&robot, solution)? {
                 works = number;
             } else {
                 fails = number;
             }
         }
         Ok(works)
+    }
+
+    /// Returns true if a plan converged and passes the checks as played, if necessary with more samples. Longer strides need
+    /// them, and a request with the value gets them too.
+    fn is_consistent_refined(
+        &mut self,
+        robot: &Robot,
+        solution: Solution,
+    ) -> Result<bool, Interrupted> {
+        let Trials { request, effort, most, .. } = &mut self.trials;
+        let mut options = request.options.clone();
+        options.settings.iterations = OF_TRIAL.min(most.saturating_sub(effort.spent));
+        let refined = refine::motion(solution, robot, &options, effort);
+        if effort.interrupted { Err(Interrupted) } else { Ok(is_consistent(&refined)) }
     }
 }
 
