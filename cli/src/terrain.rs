@@ -51,6 +51,11 @@ impl GroundArgs {
         self.slope.is_some() || self.terrain.is_some() || !self.push.is_empty()
     }
 
+    /// True if a terrain file was given.
+    pub fn has_terrain(&self) -> bool {
+        self.terrain.is_some()
+    }
+
     /// Returns the ground.
     ///
     /// # Errors
@@ -97,7 +102,7 @@ impl GroundArgs {
         let help = if !stands_on_level_ground {
             "check the nominal pose with `rollwalk robot check`"
         } else if self.terrain.is_some() {
-            "move steps and walls away from the origin, where the robot begins"
+            "move steps, walls and obstacles away from the origin, where the robot begins"
         } else {
             "give a gentler slope"
         };

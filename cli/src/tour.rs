@@ -7,6 +7,7 @@ use miette::IntoDiagnostic;
 use rollwalk_host::session::Session;
 use rollwalk_multibody::ground::Ground;
 use rollwalk_physics::push::Shove;
+use rollwalk_planner::building::names_place;
 use rollwalk_protocol::library::{ClipId, ClipInfo, Library, NodeId, RATE_HZ};
 use rollwalk_protocol::wire::{Parameter, State};
 use rollwalk_sim_host::ground::Travel;
@@ -30,6 +31,8 @@ pub struct Options<'a> {
     pub feed_forward: bool,
     /// Number of cycles of a loop, at least one.
     pub cycles: u32,
+    /// True if motions are played whose name says that they are for a place, such as `climb@stairs`.
+    pub at_places: bool,
     /// Log of the world; `None` if none is written.
     pub world_log: Option<WorldLog>,
 }
@@ -87,7 +90,8 @@ pub fn play(packed: &ValidatedLibrary, options: Options<'_>) -> miette::Result<T
         output::print_line("✓ set feed-forward to 0");
     }
     let mut played = vec![library.safe_node()];
-    let stopped = walk(&mut session, library, options.cycles, &mut played).err();
+    let route = route(library, options.at_places);
+    let stopped = walk(&mut session, library, route, options.cycles, &mut played).err();
     let names: Vec<String> = played.into_iter().map(|node| name(library, node)).collect();
     output::print_line(format_args!("✓ played {}", names.join(" → ")));
     if stopped.is_some() {
@@ -101,10 +105,11 @@ pub fn play(packed: &ValidatedLibrary, options: Options<'_>) -> miette::Result<T
     Ok(TourResult { rig, travels, tour: names, stopped, flash_s, session_s })
 }
 
-/// Arms, plays every transition, returns to SAFE and disarms. Appends the motions to `played`.
+/// Arms, plays the motions of a route, returns to SAFE and disarms. Appends the motions to `played`.
 fn walk(
     session: &mut Session<Rig>,
     library: &Library<'_>,
+    route: Vec<NodeId>,
     cycles: u32,
     played: &mut Vec<NodeId>,
 ) -> miette::Result<()> {
@@ -113,7 +118,7 @@ fn walk(
     let safe = library.safe_node();
     let mut here = safe;
     let bar = ProgressBar::new_spinner();
-    for node in route(library) {
+    for node in route {
         if interrupt::requested() {
             break;
         }
@@ -194,11 +199,14 @@ fn go(
     Ok(())
 }
 
-/// Motions to select one after the other from SAFE, so that every transition is played. From each motion an unplayed edge is
+/// Motions to select one after the other from SAFE, so that every transition is played, except those of motions for a place if
+/// these are left out. From each motion an unplayed edge is
 /// taken if there is one; otherwise the origin of the first unplayed edge is selected.
-fn route(library: &Library<'_>) -> Vec<NodeId> {
+fn route(library: &Library<'_>, at_places: bool) -> Vec<NodeId> {
     let edges = library.edges().filter_map(|edge| library.edge(edge));
-    tour(library.safe_node(), edges.map(|edge| (edge.from, edge.to)).collect())
+    let is_played = |node| at_places || !names_place(&name(library, node));
+    let played = edges.filter(|edge| is_played(edge.from) && is_played(edge.to));
+    tour(library.safe_node(), played.map(|edge| (edge.from, edge.to)).collect())
 }
 
 fn tour<N: Copy + PartialEq>(start: N, mut unplayed: Vec<(N, N)>) -> Vec<N> {

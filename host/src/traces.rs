@@ -9,6 +9,7 @@ use mcap::sans_io::LinearReaderOptions;
 use rollwalk_bus::candump::LogEntry;
 use rollwalk_protocol::actuator::{Feedback, JointSetpoint, WheelSetpoint};
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
+use rollwalk_protocol::text::Excerpt;
 use rollwalk_protocol::wire::FromController;
 use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
@@ -147,7 +148,9 @@ pub fn of_mcap(bytes: &[u8], config: &RobotConfig, names: &[String]) -> Result<T
     // Data before the end or the damage suffices. Otherwise the damage is the reason of the error.
     if let Some(error) = cut_off.filter(|_| turns.len() < 2) {
         return Err(match error {
-            McapError::UnsupportedCompression(name) => TraceError::Compression(name),
+            McapError::UnsupportedCompression(name) => {
+                TraceError::Compression(Excerpt::start_of(&name).to_string())
+            }
             error => error.into(),
         });
     }

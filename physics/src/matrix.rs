@@ -10,6 +10,8 @@ use std::fmt;
 
 /// Maximum number of unknowns of a body.
 const MOST: usize = 6;
+/// Maximum number of unknowns of the dense LU, whose matrix then has 200 MB.
+const DENSE_MAX: usize = 5000;
 /// Relative error of a solution that does not affect Newton's method.
 const ERROR: f64 = 1e-6;
 
@@ -203,8 +205,11 @@ impl BlockMatrix {
         norm(&left)
     }
 
-    /// Solves with row exchanges. Returns false if the matrix is singular.
+    /// Solves with row exchanges. Returns false if the matrix is singular or has more than [`DENSE_MAX`] unknowns.
     fn solve_exchanging(&mut self, side: &mut [f64]) -> bool {
+        if side.len() > DENSE_MAX {
+            return false;
+        }
         let mut matrix = DMatrix::zeros(side.len(), side.len());
         for (column, ends) in self.starts.windows(2).enumerate() {
             for at in ends[0]..ends[1] {
@@ -212,7 +217,7 @@ impl BlockMatrix {
             }
         }
         let (exchanges, lower, upper) = matrix.lu().unpack();
-        let regular = upper.diagonal().iter().all(|&pivot| pivot != 0.0);
+        let regular = upper.diagonal().iter().all(|&pivot| pivot.is_finite() && pivot != 0.0);
         if regular {
             let exchanging = PivotedLu { exchanges, lower, upper };
             exchanging.solve(side);

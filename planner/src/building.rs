@@ -194,7 +194,7 @@ impl Contents {
 }
 
 /// Returns true if a name in a library says where the motion is played: a name, an @ and a place.
-fn names_place(name: &str) -> bool {
+pub fn names_place(name: &str) -> bool {
     name.split_once('@').is_some_and(|(motion, place)| !motion.is_empty() && !place.is_empty())
 }
 

@@ -150,7 +150,7 @@ pub(crate) fn initial(
         if let Some(way) = ways.get(k) {
             let mut unknowns = guess::along(problem, way);
             roll_along(problem, &mut unknowns);
-            return (unknowns, SolveStart { kind: StartKind::Detour, seed: 0 });
+            return (unknowns, SolveStart { kind: StartKind::Detour, seed: k as u64 });
         }
     }
     let (kind, amplitude_rad) = match start {

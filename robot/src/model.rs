@@ -116,9 +116,10 @@ impl Joint {
         !self.motor_per_joint.is_empty() || self.linkage.is_some()
     }
 
-    /// Torque of the spring and damper on the child link, N·m; 0 without them.
-    pub fn spring_torque_nm(&self, angle_rad: f64, speed_rad_s: f64) -> f64 {
-        self.spring.map_or(0.0, |spring| spring.torque_nm(angle_rad, speed_rad_s))
+    /// Stiffness at the motor: that of the servo, with the spring of a joint that is not coupled, N·m/rad.
+    pub fn stiffness_nm_rad(&self) -> f64 {
+        let spring = self.spring.filter(|_| !self.is_coupled()).unwrap_or_default();
+        self.actuator.kp_nm_rad + spring.stiffness_nm_rad
     }
 }
 

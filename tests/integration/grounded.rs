@@ -88,7 +88,14 @@ fn a_library_holds_a_motion_over_a_kerb_and_plays_it_there() {
     desk.run(&["library", "build", "kerbs.toml", "-o", "kerbs.rwl"])
         .fails(1, &["motion `over` is for a terrain", "such as `over@stairs`"]);
     desk.write("kerbs.toml", library("over@kerb"));
-    desk.make(&["library", "build", "kerbs.toml", "-o", "kerbs.rwl"]);
+    let built = desk.run(&["library", "build", "kerbs.toml", "-o", "kerbs.rwl", "--json"]);
+    let built: Value = serde_json::from_str(&built.succeeds()).unwrap();
+    // The tour on level ground leaves it out; it is judged on its own ground.
+    let simulation = &built["simulation"];
+    let clips = simulation["clips"].as_array().unwrap();
+    assert!(clips.iter().all(|clip| clip["name"] != "over@kerb"), "{simulation}");
+    let alone = &simulation["on_terrain"][0];
+    assert_eq!((&alone["name"], &alone["verdict"]), (&"over@kerb".into(), &"holds".into()));
     let told = desk.run(&["simulate", "kerbs.rwl", "--terrain", "kerb.toml", "--json"]).succeeds();
     let told: Value = serde_json::from_str(&told).unwrap();
     let travels = told["travels"].as_array().unwrap();

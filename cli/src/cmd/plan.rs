@@ -11,7 +11,7 @@ use rollwalk_planner::plan::{
     Diagnosis, Plan, Refinement, SolveStart, SolveSummary, StartKind, Status,
 };
 use rollwalk_planner::report::{Judgement, Report};
-use rollwalk_planner::{Options, replan, replan_finer};
+use rollwalk_planner::{Method, Options, replan, replan_finer};
 use rollwalk_robot::Robot;
 use rollwalk_simulate::Verdict;
 use rollwalk_terminal::choices::{self, Choices, MethodChoice, StartChoice};
@@ -213,7 +213,15 @@ fn solved(
             let progress = &mut |progress: &_| watch.iteration(progress);
             replan(previous, robot, motion, options, progress).into_diagnostic()?
         }
-        None => planning::optimise(robot, motion, options, &watch),
+        None => {
+            if !motion.timing.is_given() && options.settings.method != Method::GaussNewton {
+                output::print_line(
+                    "planned with the given times, because only `--method gauss-newton` chooses \
+                     them",
+                );
+            }
+            planning::optimise(robot, motion, options, &watch)
+        }
     };
     watch.finish();
     Ok(plan)

@@ -4,9 +4,12 @@ use super::{ClipResult, PlanSummary};
 use crate::terrain::FEET_MIN;
 use crate::tour::{self, Options, TourResult};
 use rollwalk_multibody::ground::{Ground, Plane};
+use rollwalk_planner::plan::Plan;
 use rollwalk_sim_host::ground::Travel;
-use rollwalk_terminal::output;
+use rollwalk_simulate::Verdict;
+use rollwalk_terminal::planning::Plans;
 use rollwalk_terminal::validated_library::ValidatedLibrary;
+use rollwalk_terminal::{interrupt, output};
 use serde::Serialize;
 use std::fmt;
 use std::sync::Arc;
@@ -23,6 +26,19 @@ pub struct Simulation {
     fell: Option<(f64, String)>,
     /// Reason why the tour ended early.
     stopped: Option<String>,
+    /// Motions for a terrain, each played alone on its terrain.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    on_terrain: Vec<OnTerrain>,
+}
+
+/// Motion that was played alone on its terrain.
+#[derive(Debug, Serialize)]
+struct OnTerrain {
+    name: String,
+    #[serde(flatten)]
+    verdict: Verdict,
+    /// True if its file says that it needs feedback.
+    needs_feedback: bool,
 }
 
 /// A clip that was played.
@@ -33,13 +49,14 @@ struct Clip {
     judged: ClipResult,
 }
 
-/// Plays a library on level ground, over every transition. Returns `None` for a robot with too few feet to stand, and if SAFE
+/// Plays a library on level ground, over every transition, and each motion for a terrain alone on its terrain. Returns `None` for a robot with too few feet to stand, and if SAFE
 /// itself needs feedback.
 ///
 /// # Errors
 /// Returns an error if the controller refused the library.
 pub fn simulate(
     packed: &ValidatedLibrary,
+    plans: &Plans,
     planned: &[PlanSummary],
 ) -> miette::Result<Option<Simulation>> {
     let catalog = packed.catalog();
@@ -54,6 +71,7 @@ pub fn simulate(
         shoves: Vec::new(),
         feed_forward: true,
         cycles: CYCLES,
+        at_places: false,
         world_log: None,
     };
     let TourResult { rig, travels, stopped, .. } = tour::play(packed, options)?;
@@ -69,7 +87,21 @@ pub fn simulate(
         Some(Clip { name: name(travel), judged })
     };
     let clips = travels.iter().filter_map(judge).collect();
-    Ok(Some(Simulation { clips, fell, stopped: stopped.map(|why| why.to_string()) }))
+    let stopped = stopped.map(|why| why.to_string());
+    Ok(Some(Simulation { clips, fell, stopped, on_terrain: on_terrain(plans) }))
+}
+
+/// Verdicts of the motions for a terrain. Ends early after Ctrl-C.
+fn on_terrain(plans: &Plans) -> Vec<OnTerrain> {
+    let plans = plans.motions.iter().map(|motion| &motion.plan);
+    let judge = |plan: &Plan| {
+        Some(OnTerrain {
+            name: plan.motion.name.clone(),
+            verdict: Verdict::of(plan, |_| !interrupt::requested())?,
+            needs_feedback: plan.motion.needs_feedback.is_some(),
+        })
+    };
+    plans.filter(|plan| plan.motion.terrain.is_some()).filter_map(judge).collect()
 }
 
 impl Simulation {
@@ -88,7 +120,10 @@ impl Simulation {
         });
         let stopped = self.stopped.iter().filter(|_| self.fell.is_none());
         let stopped = stopped.map(|why| format!("the library does not hold in simulation: {why}"));
-        fell.chain(stopped).chain(astray).collect()
+        let off = self.on_terrain.iter().filter(|of| !of.verdict.holds() && !of.needs_feedback);
+        let off =
+            off.map(|OnTerrain { name, verdict, .. }| format!("{name}, on its terrain: {verdict}"));
+        fell.chain(stopped).chain(astray).chain(off).collect()
     }
 }
 

@@ -2,7 +2,7 @@
 //! the ends of capsules; this check compares their whole shapes.
 
 use rollwalk_multibody::ground::obstacle::{Obstacle, Part, parts};
-use rollwalk_multibody::ground::{Furnished, Ground};
+use rollwalk_multibody::ground::{Ground, GroundWithObstacles};
 use rollwalk_multibody::{Frames, Tree};
 use rollwalk_physics::World;
 use rollwalk_robot::Robot;
@@ -30,7 +30,7 @@ pub(crate) struct CollisionWatch {
 impl CollisionWatch {
     /// Creates a detector; `None` for ground without obstacles.
     pub fn new(robot: &Robot, ground: &dyn Ground) -> Option<Self> {
-        let obstacles = Furnished::of(ground)?.obstacles().to_vec();
+        let obstacles = GroundWithObstacles::of(ground)?.obstacles().to_vec();
         Some(Self { tree: Tree::new(robot), parts: parts(robot), obstacles })
     }
 

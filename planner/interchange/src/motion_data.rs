@@ -19,6 +19,10 @@ use std::io;
 /// Coordinates of the free joint in the positions and velocities of a model.
 const BASE_POSITIONS: usize = 7;
 const BASE_VELOCITIES: usize = 6;
+/// Numbers of a body in a frame: position, quaternion and velocities.
+const BODY_NUMBERS: usize = 13;
+/// Maximum of these numbers in a file of 4 GiB, each four bytes long.
+const NUMBERS_MAX: usize = 1 << 30;
 
 /// Motion data of a plan as an `.npz` file. Frames are at multiples of 1/rate. Without a length, the data have the duration of
 /// the plan.
@@ -29,6 +33,14 @@ pub fn motion_data(plan: &Plan, rate: Rate, length: Option<Length>) -> io::Resul
     let robot = &plan.robot;
     let model = bodies(robot, &[], Blades::Roll);
     let order = Order::new(robot, &model);
+    let count = frame_count(plan, rate, length);
+    // About thirteen numbers a body, as many as a free body has positions and velocities.
+    if count.saturating_mul(BODY_NUMBERS * model.len()) > NUMBERS_MAX {
+        return Err(io::Error::other(format!(
+            "{count} frames of {} bodies exceed 4 GiB: choose a smaller --rate or --length",
+            model.len()
+        )));
+    }
     let mut rolling = RollingPlan::new(plan);
     let mut frames = Frames::default();
     for time_s in times_s(plan, rate, length) {
@@ -61,12 +73,16 @@ pub fn motion_data(plan: &Plan, rate: Rate, length: Option<Length>) -> io::Resul
     file.finish()
 }
 
-/// Times of the frames, s.
-fn times_s(plan: &Plan, rate: Rate, length: Option<Length>) -> impl Iterator<Item = f64> + use<> {
+/// Number of frames.
+fn frame_count(plan: &Plan, rate: Rate, length: Option<Length>) -> usize {
     let length_s = length.map_or(plan.motion.duration_s, |length| length.of(&plan.motion));
     // Whole intervals that rounding left a hair short still count.
-    let last = (length_s * rate.hz() + 1e-6).floor() as usize;
-    (0..=last).map(move |frame| frame as f64 / rate.hz())
+    (length_s * rate.hz() + 1e-6).floor() as usize + 1
+}
+
+/// Times of the frames, s.
+fn times_s(plan: &Plan, rate: Rate, length: Option<Length>) -> impl Iterator<Item = f64> + use<> {
+    (0..frame_count(plan, rate, length)).map(move |frame| frame as f64 / rate.hz())
 }
 
 /// Arrays of all frames, one row after the other.

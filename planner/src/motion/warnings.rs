@@ -9,7 +9,7 @@ use rollwalk_multibody::ground::file::Shape;
 use rollwalk_multibody::ground::obstacle::parts;
 use rollwalk_robot::Robot;
 
-/// Highest kerb over the radius of a wheel that rolls over it when played.
+/// Height of a kerb over the radius of a wheel, at which played wheels fall behind without feedback.
 const ROLLED: f64 = 0.4;
 
 impl Motion {
@@ -56,11 +56,12 @@ impl Motion {
             (a / one.radius_m).total_cmp(&(b / other.radius_m))
         })?;
         let radii = rise_m / foot.radius_m;
-        (radii > ROLLED).then(|| {
+        (radii >= ROLLED).then(|| {
             format!(
                 "`{}` rolls over a kerb of {:.0} mm at x = {at_m} m, which is {radii:.2} of its \
-                 radius; played wheels roll over {ROLLED}: lift it with swings in [footfalls], such \
-                 as gait = \"walk\"",
+                 radius; from {ROLLED} on, wheels fall behind without `--tracking`: lift them with \
+                 swings in [footfalls], such as gait = \"walk\", or hold them as feet with wheels = \
+                 \"held\"",
                 foot.name,
                 1e3 * rise_m,
             )
@@ -70,8 +71,10 @@ impl Motion {
     /// Obstacles in which the standing robot is at the start or at the goal.
     fn stands_in_obstacle(&self, robot: &Robot, pose: &Pose) -> Vec<String> {
         let (turn, way) = self.placement();
-        let world_from_start = Isometry3::from_parts(
-            Translation3::new(way.x, way.y, 0.0),
+        let height_m = |at: Vector2<f64>| self.ground.body().at(&at.push(0.0)).height_m;
+        let start = Isometry3::translation(0.0, 0.0, height_m(Vector2::zeros()));
+        let world_from_goal = Isometry3::from_parts(
+            Translation3::new(way.x, way.y, height_m(way)),
             UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn.angle()),
         );
         let parts = parts(robot);
@@ -87,7 +90,7 @@ impl Motion {
                 (0..robot.links.len()).find(|link| hits(*link)).map(|link| (link, obstacle))
             })
         };
-        let ends = [("start", Isometry3::identity()), ("goal", world_from_start)];
+        let ends = [("start", start), ("goal", world_from_goal)];
         let told = |(end, place): &(&str, Isometry3<f64>)| {
             let (link, obstacle) = meets(place)?;
             Some(format!(

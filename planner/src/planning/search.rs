@@ -2,7 +2,7 @@
 //!
 //! The winner is the first candidate in order that converges, regardless of the threads' timing. The same motion and seed
 //! therefore always give the same plan. Later candidates stop as soon as an earlier one has won; on one thread they do not even
-//! begin. The search ends early if each of the first two candidates finds the request impossible.
+//! begin. The search ends early if each of the first two candidates finds the request impossible, unless obstacles are in the path.
 
 use super::attempt::attempt;
 use super::effort::{Effort, ProgressCallback};
@@ -14,7 +14,7 @@ use super::trials::MotionMethods;
 use crate::motion::Motion;
 use crate::plan::{Diagnosis, Plan, StartOutcome};
 use crate::solve::Progress;
-use crate::start;
+use crate::start::{self, Start};
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
@@ -66,9 +66,9 @@ impl<'a> Search<'a> {
     /// Creates a search. [`Search::work`] runs it.
     pub fn new(robot: &'a Robot, motion: &'a Motion, options: &Options) -> Self {
         let candidates = candidates(robot, motion, options);
-        // On each side of an obstacle, another start may find a way.
-        let hopeless =
-            if motion.ground.obstacles().is_empty() { HOPELESS } else { candidates.len() };
+        // On each side of an obstacle, another start may find a path.
+        let goes_round = candidates.iter().any(|of| matches!(of.start, Start::Detour(_)));
+        let hopeless = if goes_round { candidates.len() } else { HOPELESS };
         let race = Race::new(candidates.len(), hopeless);
         Self { robot, motion, candidates, race, refusal: OnceLock::new() }
     }

@@ -85,7 +85,8 @@ struct Moment<'a> {
 /// [`optimise`](crate::optimise).
 ///
 /// # Errors
-/// Returns an error if the motions belong to different robots, or if footfalls at an end of `motion` differ from theirs.
+/// Returns an error if the motions belong to different robots, if footfalls at an end of `motion` differ from theirs, or if the
+/// feet of a motion on terrain stand at several heights there.
 pub fn optimise_transition(
     motion: &Motion,
     from: &Plan,

@@ -308,8 +308,14 @@ impl View {
         let around = AROUND * extent_m;
         let facets = terrain.map(|terrain| terrain.facets(ground_m)).unwrap_or_default();
         let obstacles = terrain.map(|terrain| obstacles_on(terrain, ground_m)).unwrap_or_default();
-        let facets = facets.into_iter().chain(obstacles.iter().copied());
-        let surface = corners(ground_m).into_iter().chain(facets.flatten());
+        // A long wall reaches beyond the page, instead of making the robot small.
+        let near = obstacles.iter().flatten().map(|corner| {
+            let [x, y] =
+                [0, 1].map(|axis| corner[axis].clamp(ground_m[axis][0], ground_m[axis][1]));
+            Vector3::new(x, y, corner.z)
+        });
+        let facets = facets.into_iter().flatten().chain(near);
+        let surface = corners(ground_m).into_iter().chain(facets);
         let page: Vec<[f64; 2]> = surface.map(|p| unit.project(&p)).collect();
         let robot = points.iter().map(|p| unit.project(p));
         let [x, y] = [0, 1].map(|axis| {

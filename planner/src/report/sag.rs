@@ -85,9 +85,9 @@ fn yields_m(timeline: &Timeline, state: &State, j: usize) -> f64 {
             let ratios = state.pose.frames.ratios(timeline.model.tree());
             let motors = ratios.motor_ratios(dof - JOINTS).iter();
             let yields_rad = motors.map(|of| {
-                let kp_nm_rad = timeline.plan.robot.joints[of.joint].actuator.kp_nm_rad;
-                let yields_rad = state.sample.joint_torque_nm[of.joint] / kp_nm_rad;
-                if kp_nm_rad > 0.0 { of.ratio * yields_rad } else { 0.0 }
+                let stiffness_nm_rad = timeline.plan.robot.joints[of.joint].stiffness_nm_rad();
+                let yields_rad = state.sample.joint_torque_nm[of.joint] / stiffness_nm_rad;
+                if stiffness_nm_rad > 0.0 { of.ratio * yields_rad } else { 0.0 }
             });
             -yields_rad.sum::<f64>() * column.z
         })

@@ -4,7 +4,7 @@
 //! along an offset from the straight path, and faces along it, so that wheels roll. Below an obstacle at the height of its head,
 //! it ducks.
 
-use crate::motion::Motion;
+use crate::motion::{Footing, Motion};
 use nalgebra::{Rotation2, Vector2, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, Model};
 use rollwalk_multibody::ground::obstacle::{Obstacle, parts};
@@ -39,7 +39,7 @@ impl Offsets {
         let Some(after) = after.filter(|after| *after > 0) else { return (0.0, 0.0) };
         let ([from_m, low_m], [to_m, high_m]) = (self.0[after - 1], self.0[after]);
         let u = (along_m - from_m) / (to_m - from_m);
-        // Smooth, parallel to the way at both corners.
+        // Smooth, parallel to the path at both corners.
         let rise_m = high_m - low_m;
         let slope = 6.0 * u * (1.0 - u) * rise_m / (to_m - from_m);
         (low_m + rise_m * u * u * (3.0 - 2.0 * u), slope)
@@ -58,12 +58,12 @@ impl Extent {
     /// Extent of points with a radius around them, in axes whose x axis points along the path.
     fn of(
         points: impl Iterator<Item = (Vector3<f64>, f64)>,
-        way_from_world: &Rotation2<f64>,
+        path_from_world: &Rotation2<f64>,
     ) -> Self {
         const EMPTY: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
         let mut found = Self { along_m: EMPTY, across_m: EMPTY, height_m: EMPTY };
         for (point, radius_m) in points {
-            let seen = way_from_world * point.xy();
+            let seen = path_from_world * point.xy();
             let ranges = [&mut found.along_m, &mut found.across_m, &mut found.height_m];
             for (range, at) in ranges.into_iter().zip([seen.x, seen.y, point.z]) {
                 *range = [range[0].min(at - radius_m), range[1].max(at + radius_m)];
@@ -81,10 +81,13 @@ pub(crate) fn detours(robot: &Robot, motion: &Motion) -> Vec<Detour> {
     if obstacles.is_empty() || goal.norm() == 0.0 {
         return Vec::new();
     }
-    let way_from_world = Rotation2::new(-goal.y.atan2(goal.x));
-    let body = standing(robot, motion, &way_from_world);
-    let duck = ducks(&body, goal.norm(), obstacles, &way_from_world);
-    let mut aside = Ways::new(&body, goal.norm(), obstacles, &way_from_world).round();
+    let path_from_world = Rotation2::new(-goal.y.atan2(goal.x));
+    let body = standing(robot, motion, &path_from_world);
+    let seen = obstacles.iter();
+    let seen = seen.map(|obstacle| enlarged(obstacle, &motion.ground, &body, &path_from_world));
+    let seen: Vec<Extent> = seen.collect();
+    let duck = ducks(&body, goal.norm(), &seen);
+    let mut aside = Corridor::new(&body, goal.norm(), &seen).round();
     if aside.is_empty() && duck != Offsets::default() {
         aside.push(Offsets::default());
     }
@@ -132,20 +135,27 @@ fn through(mut passages: Vec<Passage>, length_m: f64) -> Offsets {
     Offsets(corners)
 }
 
-/// Extent of an obstacle as the base of the robot sees it: enlarged by margin and robot.
-fn enlarged(obstacle: &Obstacle, body: &Extent, way_from_world: &Rotation2<f64>) -> Extent {
+/// Extent of an obstacle as the base of the robot sees it: enlarged by margin and robot, with heights above the ground below.
+fn enlarged(
+    obstacle: &Obstacle,
+    ground: &Footing,
+    body: &Extent,
+    path_from_world: &Rotation2<f64>,
+) -> Extent {
     let (corners, radius_m) = obstacle.shape.corners();
+    let middle = corners.iter().sum::<Vector3<f64>>() / corners.len() as f64;
+    let ground_m = ground.body().at(&middle).height_m;
     let corners = corners.into_iter().map(|corner| (corner, radius_m + obstacle.margin_m));
-    let Extent { along_m, across_m, height_m } = Extent::of(corners, way_from_world);
+    let Extent { along_m, across_m, height_m } = Extent::of(corners, path_from_world);
     Extent {
         along_m: [along_m[0] - body.along_m[1], along_m[1] - body.along_m[0]],
         across_m: [across_m[0] - body.across_m[1], across_m[1] - body.across_m[0]],
-        height_m,
+        height_m: height_m.map(|height_m| height_m - ground_m),
     }
 }
 
-/// Returns true for an obstacle between this place and the goal.
-fn in_way(of: &Extent, length_m: f64) -> bool {
+/// Returns true for an obstacle on the straight path to the goal.
+fn in_path(of: &Extent, length_m: f64) -> bool {
     contains(of.across_m, 0.0) && of.along_m[1] > 0.0 && of.along_m[0] < length_m
 }
 
@@ -154,38 +164,39 @@ fn contains([low, high]: [f64; 2], value: f64) -> bool {
 }
 
 /// Offsets downwards below the obstacles at the height of the robot's head.
-fn ducks(
-    body: &Extent,
-    length_m: f64,
-    obstacles: &[Obstacle],
-    way_from_world: &Rotation2<f64>,
-) -> Offsets {
+fn ducks(body: &Extent, length_m: f64, obstacles: &[Extent]) -> Offsets {
     let head_m = body.height_m[1];
-    let above = obstacles.iter().map(|obstacle| enlarged(obstacle, body, way_from_world));
-    let above = above.filter(|of| (DUCK * head_m..head_m).contains(&of.height_m[0]));
-    let above = above.filter(|of| in_way(of, length_m));
+    let above = obstacles.iter().filter(|of| (DUCK * head_m..head_m).contains(&of.height_m[0]));
+    let above = above.filter(|of| in_path(of, length_m));
     let mut passages: Vec<Passage> =
         above.map(|of| Passage::new(of.along_m, head_m - of.height_m[0], length_m)).collect();
     if passages.is_empty() {
         return Offsets::default();
     }
-    passages.sort_by(|one, other| one.middle_m.total_cmp(&other.middle_m));
+    passages.sort_by(|one, other| one.range_m[0].total_cmp(&other.range_m[0]));
+    passages.dedup_by(|next, before| {
+        let within = next.range_m[1] <= before.range_m[1];
+        if within {
+            before.offset_m = before.offset_m.max(next.offset_m);
+        }
+        within
+    });
     through(passages, length_m)
 }
 
 /// Extent of the standing robot about its base.
-fn standing(robot: &Robot, motion: &Motion, way_from_world: &Rotation2<f64>) -> Extent {
+fn standing(robot: &Robot, motion: &Motion, path_from_world: &Rotation2<f64>) -> Extent {
     let model = Model::new(robot);
     let q = model.standing_q(&motion.posture_rad);
     let pose = model.pose_values(&q);
     let base = Vector3::new(q[BASE_POSITION], q[BASE_POSITION + 1], 0.0);
     let parts = parts(robot);
     let points = parts.iter().flat_map(|part| part.placed(&pose.frames).corners());
-    Extent::of(points.map(|(point, radius_m)| (point - base, radius_m)), way_from_world)
+    Extent::of(points.map(|(point, radius_m)| (point - base, radius_m)), path_from_world)
 }
 
 /// Places that the robot passes, with the offsets at which it can.
-struct Ways {
+struct Corridor {
     length_m: f64,
     /// Obstacles in the path, by distance, each with the distances between which the robot is beside it.
     blocking: Vec<[f64; 2]>,
@@ -193,27 +204,23 @@ struct Ways {
     free_m: Vec<Vec<f64>>,
 }
 
-impl Ways {
-    fn new(
-        body: &Extent,
-        length_m: f64,
-        obstacles: &[Obstacle],
-        way_from_world: &Rotation2<f64>,
-    ) -> Self {
+impl Corridor {
+    fn new(body: &Extent, length_m: f64, obstacles: &[Extent]) -> Self {
         let slack_m = SLACK * 0.5 * (body.across_m[1] - body.across_m[0]);
         let at_height = |of: &Extent| {
             of.height_m[0] < DUCK * body.height_m[1] && of.height_m[1] > body.height_m[0]
         };
-        let seen = obstacles.iter().map(|obstacle| enlarged(obstacle, body, way_from_world));
-        let seen = seen.filter(at_height);
-        let slacken = |of: Extent| {
+        let slacken = |of: &Extent| {
             let [right_m, left_m] = of.across_m;
-            Extent { across_m: [right_m - slack_m, left_m + slack_m], ..of }
+            Extent { across_m: [right_m - slack_m, left_m + slack_m], ..*of }
         };
-        let enlarged: Vec<Extent> = seen.map(slacken).collect();
-        let blocking = enlarged.iter().filter(|of| in_way(of, length_m));
+        let enlarged: Vec<Extent> =
+            obstacles.iter().filter(|of| at_height(of)).map(slacken).collect();
+        let blocking = enlarged.iter().filter(|of| in_path(of, length_m));
         let mut blocking: Vec<Extent> = blocking.copied().collect();
         blocking.sort_by(|one, other| one.along_m[0].total_cmp(&other.along_m[0]));
+        // What is beside a longer obstacle is passed with it.
+        blocking.dedup_by(|next, before| next.along_m[1] <= before.along_m[1]);
         let sides = || enlarged.iter().flat_map(|of| of.across_m).chain([0.0]);
         let free_at = |station: &Extent| {
             let beside = |of: &&Extent| {
@@ -249,11 +256,11 @@ impl Ways {
         for free_m in &self.free_m[1..] {
             let reach = |&offset_m: &f64| {
                 let to = |(sum_m, offsets): &(f64, Vec<f64>)| {
-                    let change_m = (offset_m - offsets[offsets.len() - 1]).abs();
-                    let offsets = offsets.iter().copied().chain([offset_m]).collect();
-                    (sum_m + change_m, offsets)
+                    sum_m + (offset_m - offsets[offsets.len() - 1]).abs()
                 };
-                ends.iter().map(to).min_by(|(one, _), (other, _)| one.total_cmp(other))
+                let before = ends.iter().min_by(|one, other| to(one).total_cmp(&to(other)))?;
+                let offsets = before.1.iter().copied().chain([offset_m]).collect();
+                Some((to(before), offsets))
             };
             ends = free_m.iter().filter_map(reach).collect();
         }
@@ -277,7 +284,7 @@ impl Ways {
 mod tests {
     use super::*;
 
-    fn ways(obstacles: &[([f64; 2], [f64; 2])]) -> Ways {
+    fn corridor(obstacles: &[([f64; 2], [f64; 2])]) -> Corridor {
         let body = Extent { along_m: [-0.2, 0.2], across_m: [-0.1, 0.1], height_m: [0.0, 0.4] };
         let boxes = obstacles.iter().map(|([x, y], [length, width])| {
             format!(
@@ -287,18 +294,30 @@ mod tests {
         });
         let text: String = boxes.collect();
         let terrain = rollwalk_multibody::ground::file::from_toml("test.toml", &text).unwrap();
-        Ways::new(&body, 3.0, &terrain.obstacles, &Rotation2::identity())
+        let (ground, ahead) = (Footing::default(), Rotation2::identity());
+        let seen = terrain.obstacles.iter();
+        let seen: Vec<_> = seen.map(|of| enlarged(of, &ground, &body, &ahead)).collect();
+        Corridor::new(&body, 3.0, &seen)
+    }
+
+    #[test]
+    fn a_box_beside_a_longer_wall_is_passed_with_it() {
+        let found = corridor(&[([1.5, 0.05], [1.6, 0.2]), ([1.4, 0.0], [0.2, 0.1])]).round();
+        for at_m in [0.8, 1.4, 1.9, 2.2] {
+            let offset_m = found[0].at(at_m).0;
+            assert!((offset_m + 0.165).abs() < 1e-9, "{at_m}: {offset_m}");
+        }
     }
 
     #[test]
     fn a_free_way_has_no_detour() {
-        assert!(ways(&[([1.0, 0.5], [0.2, 0.2])]).round().is_empty());
-        assert!(ways(&[([4.0, 0.0], [0.2, 0.2])]).round().is_empty());
+        assert!(corridor(&[([1.0, 0.5], [0.2, 0.2])]).round().is_empty());
+        assert!(corridor(&[([4.0, 0.0], [0.2, 0.2])]).round().is_empty());
     }
 
     #[test]
     fn the_shorter_side_comes_first() {
-        let found = ways(&[([1.5, 0.05], [0.2, 0.2])]).round();
+        let found = corridor(&[([1.5, 0.05], [0.2, 0.2])]).round();
         let offsets: Vec<f64> = found.iter().map(|detour| detour.at(1.5).0).collect();
         // The box is 0.15 m on the left and 0.05 m on the right; the robot is 0.1 m wide, with a slack of 15 mm.
         assert!(
@@ -311,9 +330,9 @@ mod tests {
 
     #[test]
     fn a_slalom_alternates_and_a_wall_with_a_gap_is_passed_in_its_gap() {
-        let found = ways(&[([1.0, 0.12], [0.1, 0.2]), ([2.0, -0.12], [0.1, 0.2])]).round();
+        let found = corridor(&[([1.0, 0.12], [0.1, 0.2]), ([2.0, -0.12], [0.1, 0.2])]).round();
         assert!(found[0].at(1.0).0 < 0.0 && found[0].at(2.0).0 > 0.0);
-        let wall = ways(&[([1.5, 0.9], [0.1, 1.0]), ([1.5, -1.0], [0.1, 2.2])]).round();
+        let wall = corridor(&[([1.5, 0.9], [0.1, 1.0]), ([1.5, -1.0], [0.1, 2.2])]).round();
         // The gap is from 0.1 to 0.4 m.
         let offset_m = wall[0].at(1.5).0;
         assert!((0.215..=0.285).contains(&offset_m), "{offset_m}");
@@ -321,7 +340,7 @@ mod tests {
 
     #[test]
     fn an_offset_changes_smoothly() {
-        let found = ways(&[([1.5, 0.0], [0.2, 0.2])]).round();
+        let found = corridor(&[([1.5, 0.0], [0.2, 0.2])]).round();
         for k in 1..300 {
             let (along_m, step_m) = (0.01 * f64::from(k), 1e-5);
             let [before, here, after] = [-step_m, 0.0, step_m].map(|by| found[0].at(along_m + by));

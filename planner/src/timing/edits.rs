@@ -119,10 +119,12 @@ pub fn longer_swings(given: &Motion) -> Vec<Vec<Vec<bool>>> {
     let mut longer = Vec::new();
     let mut stance = given.stance.clone();
     for change in [SwingChange::LiftEarlier, SwingChange::LandLater].into_iter().cycle() {
-        stance = changed(&given.with_stance(stance), change);
-        if !is_allowed(given, &stance) {
+        let next = changed(&given.with_stance(stance.clone()), change);
+        // Footfalls without swings have none that could become longer.
+        if next == stance || !is_allowed(given, &next) {
             return longer;
         }
+        stance = next;
         longer.push(stance.clone());
     }
     longer
@@ -215,6 +217,14 @@ mod tests {
     use crate::solve::Progress;
     use crate::test_robots;
     use std::ops::ControlFlow;
+
+    #[test]
+    fn a_motion_without_swings_has_no_longer_ones() {
+        let robot = &test_robots::all()[0];
+        let mut motion = test_robots::motion(robot, Ends::AtRest);
+        motion.stance.iter_mut().for_each(|flags| flags.fill(true));
+        assert!(longer_swings(&motion).is_empty());
+    }
 
     /// Motion in which one foot has these flags, and the others stand.
     fn stepping(flags: &str, ends: Ends) -> Motion {

@@ -326,14 +326,14 @@ impl PairDistance {
         Self { distance_m, force: by_ends[0] + by_ends[1], moment: from + to }
     }
 
-    /// Distance of a moving box from a fixed capsule.
+    /// Distance of a moving box from a fixed capsule or line segment.
     pub(crate) fn of_box(moving: &OrientedBox, found: &BoxDistance) -> Self {
         let moment = moving.center.cross(&found.by_center) + found.by_rotation;
         Self { distance_m: found.distance_m, force: found.by_center, moment }
     }
 
-    /// Derivative with respect to a displacement of the second shape.
-    pub fn by_way(&self) -> Vector3<f64> {
+    /// Derivative with respect to a displacement of the moving shape: the second of a pair, or a part near an obstacle.
+    pub fn by_displacement(&self) -> Vector3<f64> {
         self.force
     }
 

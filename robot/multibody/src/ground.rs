@@ -25,7 +25,7 @@ pub use elevation::Elevation;
 pub use elevation_map::ElevationMap;
 pub use file::Terrain;
 pub use grid::Grid;
-pub use obstacle::{Furnished, floor_of};
+pub use obstacle::{GroundWithObstacles, floor_of};
 pub use rotated::RotatedGround;
 pub use shapes::{Capsule, Cuboid, Plane, Rounded, Sphere, Union};
 pub use spline::FieldError;

@@ -111,8 +111,8 @@ impl Standing {
             let motors = self.frames.ratios(tree).motor_ratios(joint).iter();
             let off_rad: f64 = motors
                 .map(|of| {
-                    let kp_nm_rad = robot.joints[of.joint].actuator.kp_nm_rad;
-                    of.ratio * (-self.torque_nm[of.joint] / kp_nm_rad)
+                    let stiffness_nm_rad = robot.joints[of.joint].stiffness_nm_rad();
+                    of.ratio * (-self.torque_nm[of.joint] / stiffness_nm_rad)
                 })
                 .sum();
             self.frames.joint_axes[joint].cross(&arm).z * off_rad

@@ -54,7 +54,7 @@ pub(super) fn nominal(of: &Linkage, at: &Placed) -> Option<DraftLinkage> {
     let off_rad = |side: &f64| crank_rad(bearing(&d_m[0]), *side).abs();
     let side = [1.0, -1.0].into_iter().min_by(|a, b| off_rad(a).total_cmp(&off_rad(b)))?;
     let of_pose = bearing(&d_m[1]);
-    if of_pose.1.abs() >= 1.0 {
+    if of_pose.1.is_nan() || of_pose.1.abs() >= 1.0 {
         return None;
     }
     let nominal_rad = crank_rad(of_pose, side);

@@ -176,7 +176,7 @@ fn loops_tendons_and_springs_are_named_and_passive_joints_locked() {
     for (more, joint, words) in [
         (connect, "", ["<connect> `fl_rod – fl_shank`", "[lock]"]),
         (weld, "", ["<weld> `glue`", "[lock]"]),
-        (tendon, "", ["<fixed> `belt`", "no tendons"]),
+        (tendon, "", ["<fixed> `belt`", "imported only if it is fixed"]),
         ("", "stiffness=\"5\"", ["`fl_pin`", "fl_pin = 0.0 under [lock]"]),
         (
             "<actuator><motor name=\"pull\" tendon=\"belt\"/></actuator>",

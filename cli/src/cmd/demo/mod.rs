@@ -99,6 +99,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         // In the air, torques that hold the robot's weight would push its limbs away from their targets.
         feed_forward: ground.is_some(),
         cycles: 2,
+        at_places: args.ground.has_terrain(),
         world_log: None,
     };
     let played =

@@ -16,7 +16,8 @@ use std::path::PathBuf;
 ///
 /// The library is written only if every plan is consistent and every motion passes its checks in simulation. In the simulation
 /// a robot on level ground plays the library as the controller does, over every transition, and must reach the planned
-/// positions. A motion with `needs_feedback` in its file may miss them.
+/// positions. A motion for a terrain is played alone on its terrain. A motion with `needs_feedback` in its file may miss its
+/// positions.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -67,6 +68,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let key = args.sign.as_deref().map(signing::private_key).transpose()?;
     let place = Output::at(&args.output)?;
     print_robot_warnings(&library.robot, &library.robot_text);
+    for motion in &library.motions {
+        output::print_warnings(&motion.warnings(&library.robot));
+    }
     let Some(plans) = plan_all(&library, args.verbose)? else { return Ok(Exit::Interrupted) };
     let converged = plans.failures().is_empty();
     let bytes = if converged { plans.pack(&library)?.bytes } else { Vec::new() };
@@ -76,7 +80,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     };
     let ways = planned::of(&plans);
     let simulation = match &packed {
-        Some(packed) if !args.no_simulation => planned::simulate(packed, &ways)?,
+        Some(packed) if !args.no_simulation => planned::simulate(packed, &plans, &ways)?,
         _ => None,
     };
     if interrupt::requested() {

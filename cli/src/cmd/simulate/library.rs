@@ -80,6 +80,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             shoves: args.ground.shoves(),
             feed_forward: !args.no_feed_forward,
             cycles: args.cycles,
+            at_places: args.ground.has_terrain(),
             world_log: args.world_log.begin(&packed.robot, Rotation::OFF)?,
         },
     )?;

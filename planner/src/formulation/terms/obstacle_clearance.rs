@@ -28,11 +28,12 @@ impl Term for ObstacleClearance {
                 }
                 let near = obstacle.distance(&placed, obstacle.margin_m + FAR_M);
                 if out.differentiates() {
-                    let by_way = near.map_or_else(Vector3::zeros, |near| near.by_way());
+                    let by_displacement =
+                        near.map_or_else(Vector3::zeros, |near| near.by_displacement());
                     let by_turn = |axis: &Vector3<f64>, origin: &Vector3<f64>| {
                         near.map_or(0.0, |near| -near.by_turn(axis, origin))
                     };
-                    out.d_vector(1, BASE_POSITION, &-by_way);
+                    out.d_vector(1, BASE_POSITION, &-by_displacement);
                     for (c, axis) in pose.base_axes.iter().enumerate() {
                         out.d(1, BASE_YAW + c, by_turn(axis, &pose.frames.link_origins[0]));
                     }

@@ -3,7 +3,7 @@
 use super::obstacle::Obstacle;
 use super::obstacle_file::{self, FAR_M};
 use super::terrain::CORNER_MIN_M;
-use super::{Furnished, Ground, HeightField, Plane, Profile, RotatedGround};
+use super::{Ground, GroundWithObstacles, HeightField, Plane, Profile, RotatedGround};
 use rollwalk_robot::document::{Document, DocumentError, Table, alternatives};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -53,7 +53,7 @@ impl Terrain {
         if self.obstacles.is_empty() {
             return ground;
         }
-        Arc::new(Furnished::new(ground, self.obstacles.clone()))
+        Arc::new(GroundWithObstacles::new(ground, self.obstacles.clone()))
     }
 
     /// Solid of the ground without obstacles.

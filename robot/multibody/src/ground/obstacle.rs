@@ -126,13 +126,13 @@ fn placed_box(cuboid: &Cuboid) -> OrientedBox {
 
 /// Ground with obstacles on it.
 #[derive(Clone, Debug)]
-pub struct Furnished {
+pub struct GroundWithObstacles {
     floor: Arc<dyn Ground>,
     obstacles: Vec<Obstacle>,
     all: Union,
 }
 
-impl Furnished {
+impl GroundWithObstacles {
     /// Places obstacles on a floor.
     pub fn new(floor: Arc<dyn Ground>, obstacles: Vec<Obstacle>) -> Self {
         let solids = obstacles.iter().map(|obstacle| obstacle.shape.solid());
@@ -159,11 +159,11 @@ impl Furnished {
 
 /// Ground below a robot, without obstacles.
 pub fn floor_of(ground: &Arc<dyn Ground>) -> Arc<dyn Ground> {
-    let floor = Furnished::of(ground.as_ref()).map(Furnished::floor);
+    let floor = GroundWithObstacles::of(ground.as_ref()).map(GroundWithObstacles::floor);
     Arc::clone(floor.unwrap_or(ground))
 }
 
-impl Ground for Furnished {
+impl Ground for GroundWithObstacles {
     fn is_distance(&self) -> bool {
         self.all.is_distance()
     }
@@ -373,7 +373,7 @@ mod tests {
     #[test]
     fn gradients_of_all_pairs_agree_with_finite_differences() {
         const STEP: f64 = 1e-6;
-        let mut rng = fastrand::Rng::with_seed(5);
+        let (mut rng, mut checked) = (fastrand::Rng::with_seed(5), [0; 4]);
         for round in 0..200 {
             let cuboid = random_box(&mut rng, 0.2);
             let ends = [random(&mut rng, 0.6), random(&mut rng, 0.6)];
@@ -411,17 +411,22 @@ mod tests {
                 // Depths have kinks between faces.
                 continue;
             }
+            checked[round % 4] += 1;
             let slope = |moved: &dyn Fn(f64) -> PairDistance| {
                 (moved(STEP).distance_m - moved(-STEP).distance_m) / (2.0 * STEP)
             };
             for c in 0..3 {
                 let found = slope(&|by| moved(Vector3::ith(c, by), 0.0));
-                assert!((found - here.by_way()[c]).abs() < 1e-5, "{round}: {found} {here:?}");
+                assert!(
+                    (found - here.by_displacement()[c]).abs() < 1e-5,
+                    "{round}: {found} {here:?}"
+                );
             }
             let found = slope(&|by| moved(Vector3::zeros(), by));
             let exact = here.by_turn(&axis, &origin);
             assert!((found - exact).abs() < 1e-5, "{round}: {found} {exact}");
         }
+        assert!(checked.iter().all(|pairs| *pairs > 10), "{checked:?}");
     }
 
     /// Tests that the parts of a robot contain its links, feet and wheels: points of each are in a part.
@@ -433,14 +438,18 @@ mod tests {
             let model = Model::new(&robot);
             let nominal: Vec<f64> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
             let pose = model.pose_values(&model.standing_q(&nominal));
-            let placed: Vec<_> =
-                parts(&robot).iter().map(|part| part.placed(&pose.frames)).collect();
-            let lowest_m = placed.iter().flat_map(PlacedPart::corners);
-            let lowest_m = lowest_m.map(|(point, radius_m)| point.z - radius_m);
-            let lowest_m = lowest_m.fold(f64::INFINITY, f64::min);
-            // Discs of wheels are covered to a twelfth of their radius.
-            let radius_m = robot.end_effectors.iter().map(|end| end.radius_m).fold(0.0, f64::max);
-            assert!(lowest_m > -1e-9 && lowest_m < radius_m / 12.0, "{name}: {lowest_m}");
+            for (link, of) in robot.links.iter().enumerate() {
+                assert!(parts(&robot).iter().any(|part| part.link == link), "{name}: {}", of.name);
+            }
+            for end in &robot.end_effectors {
+                let of_end = rim(end).into_iter().map(|shape| Part { link: end.link, shape });
+                let corners = of_end.flat_map(|part| part.placed(&pose.frames).corners());
+                let lowest_m = corners.map(|(point, radius_m)| point.z - radius_m);
+                let lowest_m = lowest_m.fold(f64::INFINITY, f64::min);
+                // It stands; discs of wheels are covered to a twelfth of their radius.
+                let most_m = end.radius_m / 12.0;
+                assert!((-1e-9..most_m).contains(&lowest_m), "{name}, {}: {lowest_m}", end.name);
+            }
         }
     }
 

@@ -88,8 +88,8 @@ pub fn read<'a, 'i>(
         open.extend(inner);
     }
     joints.home.check(&mut urdf, reader);
-    joints.springs.warn(reader);
     let closed = close(root, &joints.places, reader, &mut urdf);
+    joints.springs.warn(reader, &urdf);
     (urdf, closed)
 }
 

@@ -4,6 +4,7 @@ use super::numbers::{Element, Reader};
 use crate::document::Span;
 use crate::spring::JointSpring;
 use crate::urdf::elements::tag;
+use crate::urdf::model::Urdf;
 use crate::urdf::names::some_names;
 use crate::urdf::toml_text::{key, show};
 use roxmltree::Node;
@@ -82,10 +83,14 @@ impl Springs {
         acts.then_some(spring)
     }
 
-    /// Warns of springs and dampers that the import changes.
-    pub fn warn(&self, reader: &mut Reader<'_, '_, '_, '_, '_>) {
-        if let Some((name, rest_rad, span)) = self.passive.first() {
-            let names = some_names(self.passive.iter().map(|(name, ..)| name));
+    /// Warns of springs and dampers that the import changes. Joints that a crank drives have a motor in `urdf`.
+    pub fn warn(&self, reader: &mut Reader<'_, '_, '_, '_, '_>, urdf: &Urdf) {
+        let is_passive = |(name, ..): &&(String, f64, Span)| {
+            urdf.joints.iter().any(|joint| joint.name == *name && !joint.has_motor)
+        };
+        let passive: Vec<_> = self.passive.iter().filter(is_passive).collect();
+        if let Some((name, rest_rad, span)) = passive.first() {
+            let names = some_names(passive.iter().map(|(name, ..)| name));
             reader.notes.warn(span, format_args!(
                 "joint {names}: has a spring but no motor, and robot files have no joints without a motor; lock the joint at the rest angle of the spring, such as {} = {} under [lock] of the side file",
                 key(name),
