@@ -49,8 +49,8 @@ struct Clip {
     judged: ClipResult,
 }
 
-/// Plays a library on level ground, over every transition, and each motion for a terrain alone on its terrain. Returns `None` for a robot with too few feet to stand, and if SAFE
-/// itself needs feedback.
+/// Plays a library on level ground, over every transition, and each motion for a terrain alone on its terrain. Returns `None`
+/// for a robot with too few feet to stand, and if SAFE itself needs feedback.
 ///
 /// # Errors
 /// Returns an error if the controller refused the library.

@@ -2,7 +2,8 @@
 //!
 //! The winner is the first candidate in order that converges, regardless of the threads' timing. The same motion and seed
 //! therefore always give the same plan. Later candidates stop as soon as an earlier one has won; on one thread they do not even
-//! begin. The search ends early if each of the first two candidates finds the request impossible, unless obstacles are in the path.
+//! begin. The search ends early if each of the first two candidates finds the request impossible, unless obstacles are in the
+//! path.
 
 use super::attempt::attempt;
 use super::effort::{Effort, ProgressCallback};
