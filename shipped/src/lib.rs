@@ -20,7 +20,7 @@ macro_rules! shipped {
 shipped!(
     "../host/": "gamepads/xbox.toml", "gamepads/playstation.toml";
     "":
-    "designs/agilebot_dataset.toml",
+    "designs/agilebot_dataset_sweep.toml",
     "designs/agilebot_fast_trot.toml",
     "designs/agilebot_legs.toml",
     "designs/agilebot_legs_sweep.toml",

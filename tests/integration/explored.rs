@@ -83,7 +83,8 @@ fn datasets_have_a_file_for_each_motion_that_holds_in_any_split() {
     let explore =
         |rest: &[&str]| desk.run(&[&["design", "explore", "designs/trots.toml"], rest].concat());
     let whole = explore(&["-o", "whole"]);
-    assert!(whole.stderr.contains("planned 6 motions in "), "{}", whole.stderr);
+    // Two of the goals are beyond what a motion file may ask for.
+    assert!(whole.stderr.contains("planned 4 motions in "), "{}", whole.stderr);
     assert!(whole.stderr.contains(" per second and core"), "{}", whole.stderr);
     whole.succeeds_with(0, &["wrote 4 motions into whole/motions", "6 rows, 4 of which hold"]);
     let table = desk.read_text("whole/results.csv");

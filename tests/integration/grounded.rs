@@ -56,6 +56,14 @@ fn a_robot_goes_round_an_obstacle_that_it_would_hit() {
     desk.make(&["plan", "drive.toml", "-o", "drive.json"]);
     desk.run(&["simulate", "drive.json", "--terrain", "crate.toml"])
         .succeeds_with(3, &["does not hold in simulation: `", "touches obstacle `crate` after 2."]);
+    // Whether the robot falls over it or not, the obstacle is named.
+    desk.write(
+        "bar.toml",
+        "[[obstacle]]\nname = \"bar\"\nfrom_m = [0.5, -0.5, 0.28]\nto_m = [0.5, 0.5, 0.28]\n\
+         radius_m = 0.02\n",
+    );
+    desk.run(&["simulate", "drive.json", "--terrain", "bar.toml"])
+        .succeeds_with(3, &["touches obstacle `bar` after "]);
     desk.write("round.toml", format!("terrain = \"crate.toml\"\n{drive}"));
     let said = desk.run(&["plan", "round.toml", "-o", "round.json"]).succeeds();
     assert!(

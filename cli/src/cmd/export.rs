@@ -17,10 +17,10 @@ use std::path::PathBuf;
 Examples:
   rollwalk export walk.plan.json --rate 60 --format csv -o walk.csv
   rollwalk export walk.plan.json --rate 500 --format json -o walk.500hz.json
-  rollwalk export walk.plan.json -o walk.mcap                      for Foxglove or Lichtblick
-  rollwalk export walk.plan.json -o walk.xml                       for MuJoCo, with controls that play it
-  rollwalk export walk.plan.json --format ros -o walk.ros.json     a moveit_msgs/RobotTrajectory
-  rollwalk export walk.plan.json --rate 50 --length 10 -o walk.npz for learning, with NumPy
+  rollwalk export walk.plan.json -o walk.mcap                        for Foxglove or Lichtblick
+  rollwalk export walk.plan.json -o walk.xml                         for MuJoCo, with controls that play it
+  rollwalk export walk.plan.json --format ros -o walk.ros.json       a moveit_msgs/RobotTrajectory
+  rollwalk export walk.plan.json --rate 50 --length 10 -o walk.npz   for learning, with NumPy
 
 The columns of tables are described in docs/formats/plan-format.md, arrays in docs/training-data.md, the other formats in docs/exports.md.")]
 pub struct Args {

@@ -75,11 +75,14 @@ impl RunOutcome {
     /// much between periods. The displacement is checked for the mean of all periods after the first one, and for the mean of
     /// the final periods.
     pub fn miss(&self) -> Option<MotionFailure> {
+        // A robot that falls over an obstacle touches it first.
+        if let Some(collision) = &self.collision
+            && self.fell_at_s.is_none_or(|at_s| collision.at_s <= at_s)
+        {
+            return Some(MotionFailure::Collides(collision.clone()));
+        }
         if let Some(at_s) = self.fell_at_s {
             return Some(MotionFailure::Falls { at_s });
-        }
-        if let Some(collision) = &self.collision {
-            return Some(MotionFailure::Collides(collision.clone()));
         }
         let settled = self.settled();
         let last = settled.len().saturating_sub(LAST);
@@ -123,7 +126,7 @@ pub enum MotionFailure {
         /// Simulated time, s.
         at_s: f64,
     },
-    /// Collision with an obstacle, without a fall.
+    /// Collision with an obstacle, before any fall.
     Collides(Collision),
     /// Run without a complete period.
     Unfinished,

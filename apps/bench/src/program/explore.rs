@@ -33,7 +33,7 @@ const FIGURE: &str = "results.svg";
 #[command(mut_arg("engine", |engine| engine.visible_alias("on")), after_long_help = "\
 Examples:
   rollwalk design explore designs/table_3_2_sweep.toml -o table
-  rollwalk design explore designs/agilebot_dataset.toml -o dataset
+  rollwalk design explore designs/agilebot_dataset_sweep.toml -o dataset
   rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --plot peak_joint_torque_nm
   rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --shard 1/4
   rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --engine parallel --shards 8

@@ -26,8 +26,13 @@ pub fn warn<'a, 'i>(
     for (list, kinds, effect) in [
         (
             "equality",
-            &["connect", "weld", "tendon", "flex"][..],
+            &["connect", "tendon"][..],
             "a loop is imported if it has a crank with a motor, a rod, parallel axes and joints without motors, as a four-bar or five-bar leg. Lock the passive joints of this loop under [lock] of the side file; if a motor turns a joint by crank and rod, write `linkage` at this joint into the robot file",
+        ),
+        (
+            "equality",
+            &["weld", "flex"],
+            "its bodies move independently: lock the joints that it holds under [lock] of the side file",
         ),
         (
             "tendon",

@@ -5,6 +5,7 @@
 
 use super::numbers::{Element, Reader};
 use crate::file::parts::{MassProperties, sum};
+use crate::rules::PATH_MAX;
 use crate::urdf::bodies::placed;
 use crate::urdf::elements::tag;
 use crate::urdf::model::{Joint, Kind, Linkage, Urdf};
@@ -13,8 +14,6 @@ use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use roxmltree::Node;
 use std::collections::{HashMap, HashSet};
 
-/// Maximum number of joints between the link of the crank and the turned link.
-const PATH_MAX: usize = 3;
 /// Largest sine between the axes of a loop.
 const PARALLEL: f64 = 1e-3;
 
