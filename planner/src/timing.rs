@@ -20,6 +20,7 @@ mod footfalls;
 use crate::motion::{FreeTimes, Motion};
 use crate::plan::TimingChoice;
 use crate::planning::{Options, Solution, first_attempt, optimise_solution, refined_solution};
+use crate::report::Report;
 use crate::solve::{Method, Progress};
 use candidates::{Candidates, Choice};
 use rollwalk_robot::Robot;
@@ -56,14 +57,25 @@ pub fn choose(
     }
     let mut candidates = Candidates::new(robot, motion, options, progress);
     duration::search(&mut candidates, motion);
+    let mut with_given_footfalls = None;
     if motion.timing.free == FreeTimes::Free {
+        with_given_footfalls = candidates.best().map(|best| candidates.at(best).solution.clone());
         footfalls::search(&mut candidates);
     }
     let tried = candidates.tried();
-    let Choice { mut solution, score, holds, given } = candidates.finish()?;
-    if !holds {
-        solution = refined_solution(solution, options, progress);
+    let mut choice = candidates.finish()?;
+    if !choice.holds {
+        let refined = refined_solution(choice.solution.clone(), options, progress);
+        choice.refine(refined, options);
     }
+    // Edited footfalls may fail with any number of samples where the given ones only need more.
+    if let Some(unedited) = with_given_footfalls.filter(|_| !choice.holds) {
+        let refined = refined_solution(unedited, options, progress);
+        if Report::as_played(&refined.plan).judgement.is_good() {
+            choice.refine(refined, options);
+        }
+    }
+    let Choice { mut solution, score, given, .. } = choice;
     solution.plan.solve.timing = Some(TimingChoice {
         given_duration_s: motion.duration_s,
         given_stance: motion.stance.clone(),

@@ -1,7 +1,7 @@
 //! Plans of one request with different times, each solved from a neighbour.
 
 use crate::motion::Motion;
-use crate::plan::{Status, TimingScore};
+use crate::plan::{Plan, Status, TimingScore};
 use crate::planning::{Options, Solution, first_attempt};
 use crate::report::{Report, Row};
 use crate::sensitivity::{Objective, Optimal, TimingPrices};
@@ -34,15 +34,18 @@ impl Candidate {
 
     /// Returns true if the plan passes the checks as played, and its largest residual as a fraction of the tolerance.
     fn played(&mut self) -> (bool, f64) {
-        *self.played.get_or_insert_with(|| {
-            let report = Report::as_played(&self.solution.plan);
-            (report.judgement.is_good(), report.worst().map_or(0.0, Row::part_of_level))
-        })
+        *self.played.get_or_insert_with(|| played(&self.solution.plan))
     }
 
     fn score(&mut self) -> TimingScore {
         TimingScore { cost: self.cost(), as_played: self.played().1 }
     }
+}
+
+/// Returns true if a plan passes the checks as played, and its largest residual as a fraction of the tolerance.
+fn played(plan: &Plan) -> (bool, f64) {
+    let report = Report::as_played(plan);
+    (report.judgement.is_good(), report.worst().map_or(0.0, Row::part_of_level))
 }
 
 /// Plan that the search has chosen.
@@ -53,6 +56,16 @@ pub struct Choice {
     pub holds: bool,
     /// Score of the plan with the given times; `None` if it did not converge.
     pub given: Option<TimingScore>,
+}
+
+impl Choice {
+    /// Replaces the plan by one with more samples, with its own score.
+    pub fn refine(&mut self, refined: Solution, options: &Options) {
+        let (holds, as_played) = played(&refined.plan);
+        let cost = Objective::PlanCost.of_plan(&refined.plan, &options.weights);
+        (self.score, self.holds) = (TimingScore { cost, as_played }, holds);
+        self.solution = refined;
+    }
 }
 
 /// Plans found so far.
