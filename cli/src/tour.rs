@@ -31,7 +31,7 @@ pub struct Options<'a> {
     pub feed_forward: bool,
     /// Number of cycles of a loop, at least one.
     pub cycles: u32,
-    /// True if motions are played whose name says that they are for a place, such as `climb@stairs`.
+    /// True to play motions named after a place, such as `climb@stairs`.
     pub at_places: bool,
     /// Log of the world; `None` if none is written.
     pub world_log: Option<WorldLog>,

@@ -59,6 +59,23 @@ class Exports(unittest.TestCase):
             self.assertTrue(0.95 <= ratio <= 1.05, f"{motion}: {played} of {planned}")
             self.assertGreater(height, 0.9, motion)
 
+    def over(self, terrain, robot, duration_s, samples, forward_m):
+        """A drive over a terrain, planned and exported."""
+        self.path("over.toml").write_text(
+            f"""name = "over"
+            robot = "{ROOT}/shipped/robots/{robot}.toml"
+            terrain = "{terrain}.toml"
+            ends = "at_rest"
+            duration_s = {duration_s}
+            samples = {samples}
+            footfalls = {{ all = "stance" }}
+            goal = {{ forward_m = {forward_m}, left_m = 0.0, turn_rad = 0.0 }}
+            """
+        )
+        run("plan", self.path("over.toml"), "-o", self.path("over.json"))
+        run("export", self.path("over.json"), "-o", self.path("over.xml"))
+        return replay.Motion(self.path("over.xml"))
+
     def test_terrain_is_crossed_in_mujoco(self):
         kerb = "[step]\nat_x_m = 0.6\nheight_m = 0.019\n"
         rough = "heading_deg = 30\n[rough]\nheight_m = 0.03\nspacing_m = 0.2\nhalf_m = 2\nseed = 1\n"
@@ -66,20 +83,8 @@ class Exports(unittest.TestCase):
         stairs = "[stairs]\nat_x_m = 0.6\ncount = 2\nriser_m = -0.015\ntread_m = 0.5\n"
         for name, terrain in {"kerb": kerb, "rough": rough, "slope": slope, "stairs": stairs}.items():
             self.path(f"{name}.toml").write_text(terrain)
-            self.path("over.toml").write_text(
-                f"""name = "over"
-                robot = "{ROOT}/shipped/robots/anymal_wheels.toml"
-                terrain = "{name}.toml"
-                ends = "at_rest"
-                duration_s = 5.0
-                samples = 100
-                footfalls = {{ all = "stance" }}
-                goal = {{ forward_m = 1.3, left_m = 0.0, turn_rad = 0.0 }}
-                """
-            )
-            run("plan", self.path("over.toml"), "-o", self.path("over.json"))
-            run("export", self.path("over.json"), "-o", self.path("over.xml"))
-            planned, played, height = replay.Motion(self.path("over.xml")).play()
+            motion = self.over(name, "anymal_wheels", 5.0, 100, 1.3)
+            planned, played, height = motion.play()
             print(f"{name}: {played[0] / planned[0]:.4f} of the planned way")
             self.assertTrue(0.95 <= played[0] / planned[0] <= 1.05, f"{name}: {played} of {planned}")
             self.assertGreater(height, 0.9, name)
@@ -89,20 +94,7 @@ class Exports(unittest.TestCase):
         bar = '[[obstacle]]\nname = "bar"\nfrom_m = [0.5, -0.5, 0.28]\nto_m = [0.5, 0.5, 0.28]\nradius_m = 0.02\n'
         for name, terrain in {"box": box, "bar": bar}.items():
             self.path(f"{name}.toml").write_text(terrain)
-            self.path("past.toml").write_text(
-                f"""name = "past"
-                robot = "{ROOT}/shipped/robots/agilebot.toml"
-                terrain = "{name}.toml"
-                ends = "at_rest"
-                duration_s = 4.0
-                samples = 45
-                footfalls = {{ all = "stance" }}
-                goal = {{ forward_m = 1.0, left_m = 0.0, turn_rad = 0.0 }}
-                """
-            )
-            run("plan", self.path("past.toml"), "-o", self.path("past.json"))
-            run("export", self.path("past.json"), "-o", self.path("past.xml"))
-            motion = replay.Motion(self.path("past.xml"))
+            motion = self.over(name, "agilebot", 4.0, 45, 1.0)
             planned, played, height = motion.play()
             print(f"{name}: {played[0] / planned[0]:.4f} of the planned way")
             self.assertTrue(0.95 <= played[0] / planned[0] <= 1.05, f"{name}: {played} of {planned}")

@@ -37,7 +37,7 @@ struct OnTerrain {
     name: String,
     #[serde(flatten)]
     verdict: Verdict,
-    /// True if its file says that it needs feedback.
+    /// True for a motion with `needs_feedback` in its file.
     needs_feedback: bool,
 }
 

@@ -1,8 +1,8 @@
 //! Prices of the times of a motion: changes of the costs of the best plan per second, from the multipliers.
 //!
-//! By the envelope theorem, the costs of the best plan change with the spacing h as the energy does at fixed unknowns and
-//! multipliers. No further solve is needed, but accurate multipliers are: a solve ends when its costs are flat, where prices may
-//! still be off by a factor of ten. Only an [`Optimal`] has prices.
+//! The costs of the best plan change with the spacing h as the energy does at fixed unknowns and multipliers (envelope theorem).
+//! No further solve is needed, but accurate multipliers are: a solve ends when its costs are flat, where prices may still be off
+//! by a factor of ten. Only an [`Optimal`] has prices.
 //!
 //! The price of a single interval needs the derivatives with respect to its own length. Rows of a non-uniform grid are
 //! functions of the differences (x₊ − x)/h₊ and (x − x₋)/h₋ and of the mean (h₋ + h₊)/2. A longer interval therefore acts like
