@@ -226,8 +226,8 @@ impl Kind {
             Self::Side => "use a side file with `rollwalk robot import --with`",
             Self::Gamepad => "use a gamepad mapping with `rollwalk console --mapping`",
             Self::Terrain => {
-                "use a terrain file with `--terrain` of `rollwalk-sim`, `rollwalk demo` or \
-                 `rollwalk simulate`"
+                "name a terrain file in `terrain` of a motion file, or use it with `--terrain` of \
+                 `rollwalk-sim`, `rollwalk demo` or `rollwalk simulate`"
             }
             Self::WorldLog => "draw a world log with `rollwalk plot`",
             Self::Run => "use a recorded run with `rollwalk identify`",
