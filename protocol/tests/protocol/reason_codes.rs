@@ -57,10 +57,11 @@ fn reasons() -> [(RejectReason, &'static str); 33] {
 #[test]
 fn reasons_are_pinned_and_on_the_page() {
     let page = include_str!("../../../docs/formats/motion-library.md");
+    let page = page.split_whitespace().collect::<Vec<_>>().join(" ");
     for (i, (why, words)) in reasons().into_iter().enumerate() {
         assert_eq!(usize::from(why.code()), i + 1, "{why:?}");
-        let cell = format!("| {} {words} |", i + 1);
-        assert!(page.contains(&cell), "docs/formats/motion-library.md has no {cell:?}");
+        let listed = |end| page.contains(&format!(" {} {words}{end}", i + 1));
+        assert!(listed(',') || listed('.'), "docs/formats/motion-library.md has no {words:?}");
     }
 }
 
