@@ -32,7 +32,7 @@ pub struct PlanSummary {
     duration_s: f64,
     /// True if the motion is periodic.
     repeats: bool,
-    /// True for a transition, which has no goals of its own.
+    /// True for a transition. A transition has no goals.
     joins: bool,
     /// Reason in the motion file why the motion needs feedback.
     needs_feedback: Option<String>,

@@ -164,7 +164,7 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
         Some(Support::Ground) if cli.only == Some(Part::Controller) => {
             return Err(miette!(
                 help = "give --on ground to the program that simulates the motors",
-                "--only controller simulates no motors that could stand on the ground"
+                "--on ground requires simulated motors, but --only controller simulates none"
             ));
         }
         Some(support) => support,

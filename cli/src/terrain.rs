@@ -108,8 +108,7 @@ impl GroundArgs {
         };
         Err(miette!(
             help = help,
-            "{} does not stand on this ground at the origin: a part of the robot is {:.3} m below \
-             the surface",
+            "{} does not stand on this ground at the origin: part of the robot is {:.3} m below the surface",
             robot.name,
             deep_m
         ))

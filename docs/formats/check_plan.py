@@ -535,7 +535,7 @@ class Timeline:
         return [n for n, there in inside if there or self.periodic]
 
     def mean_of_second_derivative(self, k):
-        """Mean of a second derivative around state k over the second difference, 1/s^2."""
+        """Factor by which the second difference at state k becomes the mean of the second derivative, 1/s^2."""
         return 2 / (len(self.neighbours(k)) * self.h ** 2)
 
 
@@ -546,7 +546,7 @@ def check_times(table, line):
 
 
 def check_ends(table, line):
-    """The states outside match the kind of the motion's ends, and their values agree with each other."""
+    """States before and after match the kind of the motion's ends, and agree with forward kinematics."""
     before, first, last, after = line.states[0], line.samples[0], line.samples[-1], line.states[-1]
     placed = line.plan["end_placement"]["offset_m"] + [0.0], line.plan["end_placement"]["yaw_rad"]
     prescribed = line.motion["ends"] == "prescribed"

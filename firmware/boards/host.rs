@@ -1,4 +1,4 @@
-//! Host on one of several ports of a board. The controller answers it at the port of its latest message.
+//! Host on one of several ports of a board. The controller sends its answers to the port of the host's latest message.
 
 use crate::Core;
 use crate::link::{Link, Port};

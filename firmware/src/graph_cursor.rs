@@ -117,7 +117,7 @@ impl GraphCursor {
         self.entries = [now, then];
     }
 
-    /// Entry into a clip at a frame, including the checks that were already done for it.
+    /// Position from which playback of a clip begins, with the blocks that were already checked.
     // Rarely called: kept out of line, so that the image contains it once.
     #[inline(never)]
     fn entry(&self, library: &Library<'_>, place: Option<(ClipId, u16)>) -> Option<Entry> {

@@ -29,8 +29,8 @@ pub struct Settings {
     pub follow_patience_us: u32,
     /// Longest permitted interval between ticks, µs. A longer one is an overrun.
     pub overrun_us: u32,
-    /// Largest distance of a measured joint outside its range at which arming is permitted, rad. Beyond it, the measurement or
-    /// the servo's zero is wrong.
+    /// Largest distance of a measured joint angle outside its range at which arming is permitted, rad. At a larger distance, the
+    /// measurement or the servo's zero is wrong.
     pub out_of_range_rad: f32,
     /// Largest gain at run time as a multiple of the configured one, 1 or more.
     pub max_gain_ratio: f32,
@@ -41,7 +41,7 @@ pub struct Settings {
     /// Tilt beyond the motion's own at which the joints are damped, because the robot cannot recover, rad. Infinity disables
     /// this reaction.
     pub tip_rad: f32,
-    /// Time beyond `lean_rad` or `tip_rad` after which the controller reacts, µs.
+    /// Time for which the tilt must exceed `lean_rad` or `tip_rad` before the controller reacts, µs.
     pub tilt_patience_us: u32,
     /// Time for which SAFE is held after a return caused by a fault, such as a lost host, µs. A return caused by DISARM does
     /// not hold SAFE.

@@ -45,7 +45,7 @@ struct PartialFrame {
 #[derive(Clone, Debug)]
 pub struct Stream {
     ring: [PartialFrame; DEPTH],
-    /// Number of frames taken, which is also the number of the next frame, modulo 65,536.
+    /// Number of frames that the controller has taken, modulo 65,536. The next frame has this number.
     taken: u16,
     window: Window<Frame>,
     /// Ticks since playback passed frame k.

@@ -18,12 +18,12 @@ use rollwalk_protocol::wire::{SampleAnswer, Setpoint};
 use crate::channel_bits::{ChannelBits, all, bit};
 use crate::limiter::Target;
 
-/// Number of samples by which the answer in force may be older than usual before the robot holds still.
+/// Number of missed answers after which the robot holds still.
 pub const MISSED: u16 = 3;
 /// Usual age of the answer in force, samples.
 const USUALLY_LATE: u16 = 2;
-/// Age at which a sample can no longer be answered, samples. A later answer would be in force for less than one sample before
-/// the robot holds still.
+/// Age of a sample, in samples, from which on the controller ignores answers. Such an answer would act for less than one sample
+/// before the robot holds still.
 const OLDEST: u8 = (MISSED + USUALLY_LATE) as u8;
 
 /// Tracking settings that a host requests.

@@ -38,7 +38,7 @@ impl<P: ParameterStore> Tuning<P> {
         self.store
     }
 
-    /// Applies the parameters saved for this robot. Takes effect only in the first self test after power-on.
+    /// Applies the saved parameters of this robot. Call it in every self test; only the first call after power-on has an effect.
     pub fn load(&mut self, setup: &Setup, parameters: &mut Parameters) {
         if core::mem::replace(&mut self.loaded, true) {
             return;

@@ -55,7 +55,7 @@ pub enum Incoming {
     /// Answer to a heartbeat, which contains the controller's clock. A visitor receives the answers to another host's
     /// heartbeats.
     Alive,
-    /// Answer to a heartbeat with a clock that has begun anew, because the controller has restarted since the previous answer.
+    /// Answer to a heartbeat from a controller that has restarted since the previous answer: its clock has begun at 0 again.
     Restarted,
     /// Answer to a transport request.
     Response(Response),

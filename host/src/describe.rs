@@ -139,7 +139,7 @@ pub fn report_details(fault: Fault, channel: Option<String>, value: Option<f32>)
 /// Description of an actuator's status byte.
 fn actuator_status(status: ActuatorStatus) -> String {
     if !status.faulty() && !status.enabled() {
-        return "torque off without an error: a supply dip resets a servo".into();
+        return "torque off without an error: a drop of the supply voltage may have reset the servo".into();
     }
     let conditions = conditions(status, None);
     if conditions.is_empty() { "torque on, no error".into() } else { conditions.join(", ") }
@@ -213,7 +213,7 @@ mod tests {
                 Fault::ActuatorFault,
                 knee(),
                 0.0,
-                " (knee, torque off without an error: a supply dip resets a servo)",
+                " (knee, torque off without an error: a drop of the supply voltage may have reset the servo)",
             ),
             (Fault::TrackingError, knee(), 0.91, " (knee, 0.910 rad from its setpoint)"),
             (Fault::BusOff, None, 1.0, " (bus 1)"),

@@ -160,8 +160,7 @@ impl Observations<'_> {
     fn identity(&self, hello: &Hello) -> Option<Finding> {
         let expected = self.expected_config.filter(|&expected| expected != hello.config_hash)?;
         let what = format!(
-            "this is another robot: its firmware has configuration {:08x}, the robot file \
-             describes {expected:08x}",
+            "the robot file does not fit: the firmware has configuration {:08x}, the robot file {expected:08x}",
             hello.config_hash
         );
         let help =

@@ -62,8 +62,7 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
         CommandResult::BadSpeed => "give a playback speed from 1/64 to 64/64 of the planned speed",
         CommandResult::AuthenticationRequired => AUTHENTICATION_REQUIRED,
         CommandResult::Unproven => {
-            "the controller has an owner's key, and setpoints of a host are not signed; play \
-             motions of its library"
+            "the controller has a library key, so it refuses setpoints, which carry no signature; play motions of its library"
         }
         CommandResult::UnfitActuators => {
             "an actuator does not accept torques or gains with its setpoints; play motions of the \

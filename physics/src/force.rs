@@ -115,7 +115,7 @@ pub struct View<'a> {
     /// without the change of their moment arms. The solver sets it if exact derivatives oscillate across a kink or lead away
     /// from a minimum.
     pub tame: bool,
-    /// Present friction estimate of a contact that hybrid friction holds; `None` otherwise.
+    /// Current estimate of the friction force, if hybrid friction holds the contact; otherwise `None`.
     pub held: Option<StickingFriction>,
 }
 
@@ -125,11 +125,12 @@ pub struct Kink<'a> {
     pub(crate) levers: [Matrix6x3<f64>; 2],
     /// Number of directions in which the law acts.
     pub(crate) directions: usize,
-    /// True if the kink is always part of the combined solve; false if it takes part only where it deviates from its tangent.
+    /// True if the combined solve always includes the kink; false if it includes the kink only where the law deviates from its
+    /// tangent.
     pub(crate) always: bool,
     /// Force after a displacement, and its derivative with respect to this displacement. The arguments are a gain and the
     /// displacement. The rate of the displacement changes by the gain times the displacement.
-    #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
+    #[allow(clippy::type_complexity, reason = "the type has no other use")]
     pub(crate) law: Box<dyn Fn(f64, &Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>) + 'a>,
 }
 

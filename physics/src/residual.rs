@@ -140,7 +140,7 @@ impl Equations {
         self.asleep[force]
     }
 
-    /// Includes skipped forces again if they are near at the most recent trial. Returns true if there are any.
+    /// Includes skipped forces again whose bodies are close together at the most recent trial. Returns true if there are any.
     pub fn wake(&mut self, step: &Step<'_>) -> bool {
         let mut any = false;
         for (asleep, force) in

@@ -201,7 +201,7 @@ catalogue! {
     AngularDynamics: "angular dynamics", "Eq. 2.4, mean", Nm, Residual(0.03), Request,
         "footfalls whose stance feet surround the centre of mass";
     Friction: "friction", "Eq. 2.5", N, Residual(0.2), Limit,
-        "a gentler motion or a higher friction_coefficient";
+        "a motion with lower accelerations, or a higher friction_coefficient";
     FreeWheelTraction: "free-wheel traction", "Eq. 2.6", N, Residual(0.2), Limit,
         "a slower motion, or an actuated wheel to push with";
     SwingForce: "swing force", "Eq. 2.7", N, Residual(0.2), Request,
@@ -232,7 +232,7 @@ catalogue! {
     JointTorque: "joint torque", "limb dynamics, mean", Nm, OfLimit(0.1), Limit,
         "straighter legs in [posture], or stronger motors";
     WheelTorque: "wheel torque", "radius × traction", Nm, OfLimit(0.1), Limit,
-        "a gentler motion or stronger wheel motors";
+        "a motion with lower accelerations, or stronger wheel motors";
     TorqueSpeedLine: "torque-speed line", "torque and speed, mean", OfLine, Residual(0.1), Limit,
         "a longer duration or stronger motors";
     Anchor: "anchor", "sec. 2.4.1", M, Residual(0.001), Build,
@@ -241,7 +241,7 @@ catalogue! {
     TurningGoal: "turning goal", "sec. 2.4.1", Rad, Residual(0.001), Request,
         "a smaller turn or a longer duration";
     TargetPosition: "target position", "sec. 2.4.1", M, Residual(0.001), Request,
-        "a target nearer to the rest of the motion, or a target at another time";
+        "a target nearer to where the motion passes, or a target at another time";
     TargetVelocity: "target velocity", "sec. 2.4.1", MPerS, Residual(0.005), Request,
         "a slower target, or a target at another time";
     TargetHeading: "target heading", "sec. 2.4.1", Rad, Residual(0.001), Request,
@@ -276,7 +276,7 @@ catalogue! {
     SwingClearance: "swing clearance", "terrain, half-way", M, Residual(0.001), Request,
         "a higher swing_height_m, or swings of more samples";
     ObstacleClearance: "obstacle clearance", "shapes", M, Residual(0.001), Limit,
-        "a wider gap, a longer path, a posture that fits below, or a smaller margin_m of the obstacle";
+        "a wider gap, a farther goal, a lower posture, or a smaller margin_m of the obstacle";
 }
 
 impl Family {

@@ -121,7 +121,7 @@ pub struct Structure {
 }
 
 impl Structure {
-    /// Returns true if a problem may have this structure. Its rows decide ([`System::again`]).
+    /// Returns true if a problem may have this structure. [`System::again`] decides, from the rows of the problem.
     pub fn may_fit(&self, problem: &Problem) -> bool {
         self.timeline == problem.timeline
             && self.stance == problem.stance

@@ -29,8 +29,8 @@ const INSTANTS: usize = 240;
 /// rigid in one direction, such as those with two joints, would otherwise have a singular compliance.
 const GROUND_YIELDS: f64 = 1e-4;
 
-/// Growth per cycle above which errors count as growing. Errors that merely persist, such as those of wheels that never leave
-/// the ground, are computed as up to this value.
+/// Growth per cycle above which errors count as growing. The computed growth of errors that merely persist, such as those of
+/// wheels that never leave the ground, reaches up to this value.
 const GROWS: f64 = 1.2;
 /// Growth per cycle above which the value has no meaning: errors do not remain small for a cycle.
 const BEYOND_FIRST_ORDER: f64 = 10.0;

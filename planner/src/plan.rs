@@ -264,8 +264,7 @@ impl fmt::Display for Refinement {
         let played = if residual.to_string().ends_with("as played") { "" } else { " as played" };
         write!(
             f,
-            "with {samples} samples, {residual}{played} was {worst:.3} {unit}; at most \
-             {tolerance:.3} {unit} is accepted, so the plan has more samples"
+            "with {samples} samples, {residual}{played} was {worst:.3} {unit}; at most {tolerance:.3} {unit} is accepted, so the planner added samples"
         )
     }
 }

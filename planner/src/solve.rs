@@ -46,9 +46,9 @@ const DAMPING_LIMIT: f64 = 1e12;
 const DAMPING_FELT: f64 = 1e-4;
 /// Factor on the damping after a rejected step.
 const RAISE: f64 = 6.0;
-/// Number of iterations before a solve looks ahead. An easy solve ends before looking ahead pays.
+/// Number of iterations before the solver uses look-ahead steps ([`look_ahead`]). Easy solves end earlier.
 const EASY_ITERATIONS: usize = 12;
-/// Fraction of the predicted decrease below which a step looks ahead.
+/// Fraction of the predicted decrease of the energy below which the solver tries a look-ahead step.
 const LOOK_BELOW: f64 = 0.25;
 /// Damping of the first step of a cold start, scaled variables.
 const DAMPING_COLD: f64 = 1e-3;

@@ -7,8 +7,8 @@ use crate::torque::InverseDynamics;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::{State, Tree, turn_base};
 
-/// Smallest share of a contact of an end effector in stance. If one foot lifts off and another lands in the same interval of
-/// the plan, one of them is in stance at any time.
+/// Contact share from which an end effector counts as in stance. With this value, at least one of two feet is in stance while one
+/// lands and the other lifts off in the same interval.
 const STANDS: f64 = 0.5;
 
 /// Plan prepared for evaluation at any time.

@@ -147,7 +147,7 @@ faults! {
     Tilt = 7: "the body is tilted", "set the robot upright with torque off; clear the fault, then arm",
         value MeasuredUnless("rad", "beyond the tilt of its motion", "the IMU is silent");
     /// Streamed set-points came too late.
-    SetpointTimeout = 8: "streamed setpoints came too late",
+    SetpointTimeout = 8: "streamed setpoints arrived too late",
         "find out what delays the host or the link; clear the fault, then arm",
         value Measured("s", "since the last frame of setpoints");
     /// Frames on an actuator bus lack an acknowledgement.
@@ -163,7 +163,7 @@ faults! {
     EStop = 12: "emergency stop", "find out why the emergency stop was pressed, and inspect the \
         robot; clear the fault, then arm";
     /// The control loop missed its deadline.
-    Overrun = 13: "the control loop missed its time",
+    Overrun = 13: "a control period began too late",
         "find out what delays the control loop; clear the fault, then arm",
         value Measured("s", "from one tick to the next");
     /// The library changed or cannot be read during playback.
@@ -330,7 +330,7 @@ events! {
     /// Command RETURN while streaming.
     StreamEnded = 29: None, None, "a command to end the stream of setpoints";
     /// Streamed set-points have been missing for too long.
-    StreamLost = 30: Return, Some(Fault::SetpointTimeout), "streamed setpoints came too late";
+    StreamLost = 30: Return, Some(Fault::SetpointTimeout), "streamed setpoints arrived too late";
     /// The robot has come to rest at the end of a stream of set-points.
     StreamHalted = 31: None, None, "the robot halted where its stream of setpoints ended";
 }

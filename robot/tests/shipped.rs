@@ -139,7 +139,7 @@ fn robots_stand_level_on_lateral_wheels_with_the_com_between_them() {
     }
 }
 
-/// Tests that the right side reflected in y = 0 equals the left side: poses, masses and limits.
+/// Tests that the right side of each robot is the mirror image of the left side: poses, masses and limits.
 #[test]
 fn left_and_right_limbs_are_mirror_images() {
     for (robot, ..) in all() {

@@ -62,7 +62,7 @@ pub struct Grounded {
     shoves: Vec<Shove>,
     /// Travel during the current motion.
     travel: Option<Travel>,
-    /// Travels during earlier motions that have not been taken yet.
+    /// Displacements during earlier motions that the caller has not fetched yet.
     travels: Vec<Travel>,
     imu: Imu,
     /// Time of the world at the previous sample, s.

@@ -59,7 +59,7 @@ struct Transmission {
 struct AnswerTurns {
     /// Turn of the next answer.
     next: usize,
-    /// Time from which the delay of the next answer counts.
+    /// Start time of the delay before the next answer.
     since: SimTime,
     /// Bytes of the answers so far.
     said: Vec<u8>,

@@ -14,7 +14,7 @@ pub struct Wire {
     pub bus: CanBus,
     /// Node of the controller.
     pub controller: NodeId,
-    /// Time since which no node acknowledges; `None` while nodes do.
+    /// Start of the interval in which no node has acknowledged; `None` while nodes acknowledge.
     pub alone_since: Option<SimTime>,
     /// True if the controller is bus-off.
     pub off: bool,

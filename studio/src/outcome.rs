@@ -28,12 +28,14 @@ fn words(solve: &SolveSummary, in_full: bool) -> String {
     let SolveSummary { status, worst_level, worst_constraint, .. } = solve;
     let beyond = format!("{worst_constraint} is at {worst_level:.2} times its tolerance");
     match (status, &solve.diagnosis) {
-        (Status::Converged, _) if !in_full => "All constraints hold at the samples.".to_owned(),
-        (Status::Converged, _) => "All constraints hold, at the samples and as played.".to_owned(),
+        (Status::Converged, _) if !in_full => "All constraints are met at the samples.".to_owned(),
+        (Status::Converged, _) => {
+            "All constraints are met, at the samples and as played.".to_owned()
+        }
         (Status::FailsAsPlayed, _) => {
             let last = solve.refinements.last().map(|refinement| format!(": {refinement}"));
             format!(
-                "All constraints hold at the samples, but not between the samples as played{}.",
+                "All constraints are met at the samples, but between the samples the played motion violates some{}.",
                 last.unwrap_or_default()
             )
         }

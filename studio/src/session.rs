@@ -147,7 +147,7 @@ impl Session {
                 let good = self.good.as_ref();
                 let good = good.ok_or_else(|| {
                     error(
-                        "there is no good plan yet",
+                        "there is no plan yet that meets its constraints",
                         "plan the motion \
                     first",
                     )

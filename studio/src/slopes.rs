@@ -82,8 +82,7 @@ fn answer(failed: &PlansError) -> Answer {
     let help = match failed {
         PlansError::Interrupted => "request the slopes again",
         _ => {
-            "change the motion until its plan holds and is near an optimum; only such plans have \
-            slopes"
+            "change the motion until its plan meets its constraints and is near an optimum; only such plans have slopes"
         }
     };
     Answer::Error { message: failed.to_string(), help: help.into() }

@@ -186,7 +186,7 @@ fn without_anybody_at_the_page_the_robot_returns_to_safe() {
     let view = page.pass(4.0, &nobody);
     assert_eq!(view["torque"], false, "{view}");
     assert!(
-        contains_message(&view, "the controls do not respond")
+        contains_message(&view, "the page or terminal does not respond")
             && contains_message(&view, "heartbeat lost")
     );
 }

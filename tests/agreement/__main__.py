@@ -7,7 +7,7 @@ Requests are eight motions of each imported robot, random ones of robots that sh
 request is planned, with its verdict; a plan that the planner does not call infeasible is replayed in MuJoCo on contacts of six
 stiffnesses, eight periods each, and by `rollwalk simulate` at other rates and stiffnesses. Each request is a line of FOLDER/results.jsonl; what has a line there is not run again.
 
-Exit code: 0 if at most one in forty of the good plans does not hold in MuJoCo on one of the hard contacts, by the rules of our simulator, and at most
+Exit code: 0 if at most one in forty of the good plans fails in MuJoCo on one of the hard contacts, by the rules of our simulator, and at most
 one in forty of all that are judged was refused and holds on all contacts, the soft ones too; 1 if not, 2 if nothing was run.
 """
 

@@ -27,7 +27,7 @@ def expect(condition, what):
 
 
 def ended(process):
-    """Ends a program as Ctrl-C does, or kills it; its exit code."""
+    """Ends a program as Ctrl-C does, or kills it, and returns the exit code."""
     process.terminate()
     try:
         return process.wait(END_S)

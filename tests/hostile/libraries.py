@@ -29,7 +29,7 @@ def sections(library):
 
 
 def forged(library, rng):
-    """(bytes, whether their checksums are valid)."""
+    """Returns forged bytes, and True if their checksums are valid."""
     data = bytearray(library)
     way = rng.randrange(7)
     at = rng.randrange(len(data))

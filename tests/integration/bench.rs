@@ -312,7 +312,7 @@ fn shards_of_a_fault_campaign_come_to_the_files_of_the_whole() {
     }
     let other = [&campaign[..], &["--seeds", "12", "--shard", "1/3", "--out", "parts"]].concat();
     desk.run(&[&["bench"], &other[..]].concat())
-        .fails(1, &["is a journal of other work", "--seeds 11"]);
+        .fails(1, &["is the journal of another run", "--seeds 11"]);
     let engine = ["--engine", "slurm", "--shards", "4", "--dry-run"];
     run("job", &engine).succeeds_with(0, &["next: sbatch --parsable --wait job/slurm.sh"]);
     let job = desk.read_text("job/slurm.sh");

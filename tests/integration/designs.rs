@@ -20,7 +20,7 @@ fn a_longer_leg_is_edited_into_the_robot_file_and_planned() {
     let listed = desk.run(&["design", "check", "designs/agilebot_legs.toml"]);
     listed.succeeds_with(0, &["front_thigh", "half_track", "turn_in_place.toml"]);
     let args = ["design", "edit", "designs/legs.toml", "front_thigh+=0.01", "-o", "longer"];
-    desk.run(&args).succeeds_with(0, &["+0.0100", "cost_of_transport", "holds in simulation"]);
+    desk.run(&args).succeeds_with(0, &["+0.0100", "cost_of_transport", "passes the simulation"]);
     let robot = desk.read_text("longer/agilebot.toml");
     for part in ["# AgileBot: four legs", "template = \"leg_front\"", "-0.13]"] {
         assert!(robot.contains(part), "{part}");

@@ -14,7 +14,7 @@ fn a_walk_too_far_is_told_how_far_works_and_that_works() {
         "displacement goal",
         "forward_m is 1.5; ",
         " was tried and is feasible",
-        "what would help",
+        "possible remedies",
     ];
     for words in words {
         assert!(outcome.stdout.contains(words), "{words} in\n{}", outcome.stdout);

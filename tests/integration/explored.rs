@@ -22,7 +22,8 @@ fn shards_and_interrupted_sweeps_come_to_the_tables_of_the_whole() {
     small(&desk);
     let explore =
         |rest: &[&str]| desk.run(&[&["design", "explore", "designs/small.toml"], rest].concat());
-    explore(&["-o", "whole"]).succeeds_with(0, &["8 rows, 8 of which hold", "results.csv"]);
+    explore(&["-o", "whole"])
+        .succeeds_with(0, &["8 rows; 8 motions pass the simulation", "results.csv"]);
     let first = explore(&["-o", "parts", "--shard", "1/2"]);
     first.succeeds_with(0, &["2 of 4 chains are left"]);
     // A run that was killed within a line continues.
@@ -46,14 +47,14 @@ fn shards_and_interrupted_sweeps_come_to_the_tables_of_the_whole() {
     assert!(desk.read_text("whole/results.svg").contains("peak_joint_torque, N·m"));
     explore(&["-o", "whole", "--plot", "torque"]).fails(2, &["give one of plan_cost, "]);
     desk.edit("designs/small.toml", "points = 2", "points = 3");
-    explore(&["-o", "whole"]).fails(1, &["is a journal of other work", "give another folder"]);
+    explore(&["-o", "whole"]).fails(1, &["is the journal of another run", "give another folder"]);
 }
 
 #[test]
 fn the_motors_of_table_3_2_are_an_axis() {
     let desk = desk();
     let args = ["design", "explore", "designs/table_3_2_sweep.toml", "-o", "table"];
-    desk.run(&args).succeeds_with(0, &["4 rows, 4 of which hold"]);
+    desk.run(&args).succeeds_with(0, &["4 rows; 4 motions pass the simulation"]);
     let table = desk.read_text("table/results.csv");
     let motors: Vec<&str> =
         table.lines().skip(1).map(|line| line.split(',').nth(1).unwrap()).collect();
@@ -86,7 +87,10 @@ fn datasets_have_a_file_for_each_motion_that_holds_in_any_split() {
     // Two of the goals are beyond what a motion file may ask for.
     assert!(whole.stderr.contains("planned 4 motions in "), "{}", whole.stderr);
     assert!(whole.stderr.contains(" per second and core"), "{}", whole.stderr);
-    whole.succeeds_with(0, &["wrote 4 motions into whole/motions", "6 rows, 4 of which hold"]);
+    whole.succeeds_with(
+        0,
+        &["wrote 4 motions into whole/motions", "6 rows; 4 motions pass the simulation"],
+    );
     let table = desk.read_text("whole/results.csv");
     let files: Vec<&str> =
         table.lines().skip(1).map(|line| line.rsplit_once(',').unwrap().1).collect();

@@ -24,13 +24,13 @@ fn no_input_is_ever_an_output() {
     let before = [STAND, "robots/agilebot.toml"].map(|file| desk.read(file));
     for output in outputs {
         desk.run(&["plan", STAND, "-o", output])
-            .fails(1, &[&format!("cannot write {output}: it is "), "that this run reads"]);
+            .fails(1, &[&format!("cannot write {output}: it is "), "that this command reads"]);
         desk.run(&["plan", STAND, "-o", "x.json", "--dump", output]).fails(1, &[output]);
     }
     desk.run(&["library", "build", "motions/agilebot_library.toml", "-o", "motions/walk.toml"])
-        .fails(1, &["motions/walk.toml, a motion file (TOML) that this run reads"]);
+        .fails(1, &["motions/walk.toml, a motion file (TOML) that this command reads"]);
     desk.run(&["dbc", "robots/agilebot.toml", "-o", "robots/agilebot.toml"])
-        .fails(1, &["robots/agilebot.toml, a robot file (TOML) that this run reads"]);
+        .fails(1, &["robots/agilebot.toml, a robot file (TOML) that this command reads"]);
     let mut simulator = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
     let robot = "robots/agilebot.toml";
     simulator.args([robot, "--bus", "sim:robot.sock", "--log", robot]).current_dir(desk.path("."));
@@ -60,7 +60,7 @@ fn shipped_files_stand_in_for_missing_ones_alone() {
     desk.run(&["plan", "own/stand.toml", "-o", "stand.json"]).succeeds();
     fs::create_dir(desk.path("motions")).unwrap();
     desk.run(&["plan", "motions/stand.toml", "-o", "./motions/stand.toml"])
-        .fails(1, &["./motions/stand.toml", "that this run reads"]);
+        .fails(1, &["./motions/stand.toml", "that this command reads"]);
     desk.run(&["control", "motions/agilebot_library.toml", "--play", "no-such-motion"])
         .fails(1, &["--bus is missing"]);
     fs::create_dir(desk.path("robots")).unwrap();

@@ -86,7 +86,11 @@ fn all_gains_are_those_that_there_are() {
     let _robot = Robot::on_stand(&desk, "robots/test_leg.toml", &socket);
     let set = on(&desk, &socket, &["gains", "set", "all", "--kp", "20"]);
     // A wheel has no stiffness.
-    assert!(set.stderr.contains("they do not have this value: wheel"), "{}", set.stderr);
+    assert!(
+        set.stderr.contains("these channels do not have this parameter: wheel"),
+        "{}",
+        set.stderr
+    );
     assert!(set.succeeds().starts_with("2 values set"));
     let set = on(&desk, &socket, &["gains", "set", "all", "--kp", "20", "--kd", "1"]);
     assert!(set.stderr.trim_end().ends_with("do not have this value: wheel"), "{}", set.stderr);
@@ -102,7 +106,7 @@ fn all_gains_are_those_that_there_are() {
     let socket = format!("sim:{}", desk.path("car.sock").display());
     let _car = Robot::on_ground(&desk, "robots/car.toml", &socket);
     on(&desk, &socket, &["gains", "set", "all", "--kp", "20"])
-        .fails(5, &["they do not have this value: front_left", "nothing was set"]);
+        .fails(5, &["these channels do not have this parameter: front_left", "nothing was set"]);
 }
 
 #[test]
@@ -142,7 +146,7 @@ fn a_simulated_robot_keeps_its_library_and_loses_none() {
         command.current_dir(desk.path("")).env("COLUMNS", "1000");
         program::run(&mut command, PLAYED).fails(1, words);
     };
-    refused("robots/legbot.toml", &["a robot file (TOML) that this run reads"]);
+    refused("robots/legbot.toml", &["a robot file (TOML) that this command reads"]);
     refused("stand.toml", &["stand.toml", "not a motion library"]);
     refused("none/kept.rwl", &["there is no folder none"]);
 }

@@ -239,14 +239,14 @@ fn a_consistent_plan_whose_robot_tips_does_not_hold_in_simulation() {
     desk.write("robots/car.toml", on_two);
     desk.edit("motions/car_drive.toml", "forward_m = 0.5", "forward_m = 0.0");
     let plan = ["plan", "motions/car_drive.toml", "-o", "plan.json"];
-    let words = ["consistent: no residual exceeds its tolerance", "does not hold in simulation: "];
+    let words = ["consistent: no residual exceeds its tolerance", "fails in simulation: "];
     desk.run(&plan).succeeds_with(3, &words);
     let told = desk.run(&[&plan[..], &["--json"]].concat());
     let told = json(&told.stdout);
     assert_eq!(told["consistent"], true, "{told}");
     assert_eq!(told["simulation"]["verdict"], "fails", "{told}");
     desk.run(&[&plan[..], &["--no-simulation"]].concat()).succeeds_with(0, &["consistent: "]);
-    desk.run(&["simulate", "plan.json"]).succeeds_with(3, &["does not hold in simulation: "]);
+    desk.run(&["simulate", "plan.json"]).succeeds_with(3, &["fails in simulation: "]);
 }
 
 #[test]
@@ -257,10 +257,12 @@ fn a_glide_that_goes_too_far_on_a_coarse_grid_is_planned_on_a_finer_one() {
     desk.write("glide.toml", glide);
     let plan = ["plan", "glide.toml", "-o", "plan.json"];
     let fixed = desk.run(&[&plan[..], &["--samples-fixed"]].concat());
-    fixed.succeeds_with(3, &["does not hold in simulation: the robot covers 1.0"]);
+    fixed.succeeds_with(3, &["fails in simulation: the robot covers 1.0"]);
     let finer = desk.run(&plan);
     assert_eq!(finer.code, 0, "{}", finer.stderr);
-    assert!(finer.stdout.contains(", 56 samples") && finer.stdout.contains("holds in simulation"));
+    assert!(
+        finer.stdout.contains(", 56 samples") && finer.stdout.contains("passes the simulation")
+    );
     let told = ["with 28 samples does not hold", "give samples = 56 in the motion file"];
     assert!(told.iter().all(|told| finer.stderr.contains(told)), "{}", finer.stderr);
     desk.run(&["simulate", "plan.json", "--cycles", "8"]).succeeds();
@@ -284,5 +286,6 @@ fn a_goal_that_only_posture_meets_is_refused_and_a_lean_is_not() {
     assert_eq!(told["judgement"] == "taken_back", left < 0.05, "{report}");
     assert_eq!(turned.code, if left < 0.05 { 3 } else { 0 });
     desk.write("lean.toml", lean("[[target]]\nof = \"com\"\nat_s = 0.5\nleft_m = 0.03\n"));
-    desk.run(&["plan", "lean.toml", "-o", "plan.json"]).succeeds_with(0, &["holds in simulation"]);
+    desk.run(&["plan", "lean.toml", "-o", "plan.json"])
+        .succeeds_with(0, &["passes the simulation"]);
 }

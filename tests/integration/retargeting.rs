@@ -25,7 +25,7 @@ fn a_plan_is_retargeted_to_soft_servos_and_played() {
     assert!(costs.len() <= 4 && costs.windows(2).all(|pair| pair[1] < pair[0]), "{costs:?}");
     // The motion is unchanged, the commands to the drives are not.
     desk.run(&["simulate", "soft.json", "--no-feed-forward"])
-        .succeeds_with(0, &["holds in simulation"]);
+        .succeeds_with(0, &["passes the simulation"]);
     desk.run(&["simulate", "soft.json", "--no-feed-forward", "--cycles", "8"]).succeeds();
     desk.run(&["export", "plan.json", "-o", "plan.csv"]).succeeds();
     desk.run(&["export", "soft.json", "-o", "soft.csv"]).succeeds();
@@ -61,7 +61,7 @@ fn a_library_is_retargeted_and_built_of_its_plans() {
     desk.run(&play).succeeds_with(0, &["stand → walk", "no falls"]);
     // The data beside the corrections describe the same motion.
     desk.run(&["simulate", "soft/walk.json", "--no-feed-forward"])
-        .succeeds_with(0, &["holds in simulation"]);
+        .succeeds_with(0, &["passes the simulation"]);
 
     let both =
         library.replace("plan = \"walk.json\"", "plan = \"walk.json\"\nfile = \"walk.toml\"");

@@ -157,7 +157,7 @@ fn is_late(stderr: &str) -> bool {
 #[test]
 fn a_late_setpoint_is_a_fault_of_timing_and_a_fault_of_a_drive_is_not() {
     for late in [
-        "4.3 s: fault: streamed setpoints came too late",
+        "4.3 s: fault: streamed setpoints arrived too late",
         "SAFE: the host's heartbeat was lost",
         "4.3 s: fault: a servo does not answer",
     ] {

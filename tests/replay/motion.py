@@ -122,9 +122,7 @@ class Motion:
         return self._stance[i] & self._stance[i + 1]
 
     def carried_torques(self, time_s):
-        """Torques of joints and wheels that the plan itself carries, in channel order; None if it carries none.
-
-        Linear between the samples, like the forces.
+        """Torques of joints and wheels in the plan file, in channel order, linear between the samples; None if the plan has no torques.
         """
         first = self.samples[0]
         if "joint_torque_nm" not in first:

@@ -66,7 +66,7 @@ def both(results):
 
 
 def _by_feedback(results):
-    """Shipped motions with feed-forward that hold, that need feedback, and the others."""
+    """Shipped motions with feed-forward in three groups: passed, needs feedback, failed."""
     fed = {name: fed for name, (fed, _) in _pairs(results).items()}
     marked = [name for name, result in fed.items() if result["needs_feedback"]]
     failing = [name for name, result in fed.items() if not result["holds"] and name not in marked]
@@ -74,7 +74,7 @@ def _by_feedback(results):
 
 
 def verdict(results):
-    """Passed if every motion that does not need feedback holds."""
+    """Verdict: passed if every motion that does not need feedback passes."""
     failing = _by_feedback(results)[2]
     return f"failed: {', '.join(failing)}" if failing else "passed"
 
@@ -261,7 +261,7 @@ def predicted(results):
     rows = [["motion", "", "file", "fitted", "true", "true, contacts and delay fitted"]]
     seeds = results["seeds"]
     for motion in seeds[0]["predicted"]:
-        for signal, unit in (("place of the body", "mm"), ("orientation", "mrad"), ("angles of joints", "mrad"), ("angles of wheels", "mrad")):
+        for signal, unit in (("position of the body", "mm"), ("orientation", "mrad"), ("angles of joints", "mrad"), ("angles of wheels", "mrad")):
             cell = lambda kind: " · ".join(_thousandths(seed["predicted"][motion][kind][signal]) for seed in seeds)
             rows.append([f"`{motion}`", f"{signal}, {unit}", *map(cell, kinds)])
     return _markdown(rows)

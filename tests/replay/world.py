@@ -26,8 +26,7 @@ STANDS = 0.01
 
 @dataclass(frozen=True)
 class Push:
-    """A force for PUSH_S, as a share of the weight, along a direction (forward, left) relative to the robot's
-    heading."""
+    """Force for PUSH_S seconds, as a fraction of the weight, in a direction (forward, left) relative to the robot's heading."""
 
     part: float
     direction: tuple = (0.0, 1.0)

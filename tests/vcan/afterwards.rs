@@ -27,7 +27,7 @@ fn lines(text: &str) -> Vec<Value> {
     text.lines().map(|line| serde_json::from_str(line).expect("a JSON object in a line")).collect()
 }
 
-/// Compares the signals that both have under the same name; returns their number.
+/// Compares the signals that both decoders report under the same name; returns the number of signals.
 fn compare(theirs: &Map<String, Value>, ours: &Map<String, Value>, line: &Value) -> usize {
     let mut compared = 0;
     for (name, ours) in ours {
@@ -100,7 +100,7 @@ fn played(name: &str) -> Vec<Stretch> {
     played
 }
 
-/// Returns the stretches that only one of two logs contains.
+/// Returns the parts that only one of two logs contains.
 fn difference(one: &[Stretch], other: &[Stretch]) -> Vec<Stretch> {
     // Lengths of the longest common subsequences of both remainders.
     let mut common = vec![vec![0; other.len() + 1]; one.len() + 1];

@@ -109,7 +109,7 @@ fn benchmark(program: &Path, name: &str) -> Result<Measurement, String> {
     let status = status.map_err(|error| failed(program, error))?;
     let verdict = match status.code() {
         Some(0) => "passed",
-        Some(3) => "a motion does not hold",
+        Some(3) => "a motion fails in simulation",
         Some(4) => "a limit is exceeded",
         _ => return Err(format!("`rollwalk bench {name}` failed: {status}")),
     };

@@ -124,13 +124,13 @@ struct Results {
     broken: Vec<FailedRun>,
 }
 
-/// Runs a single case.
+/// Runs one scenario with one loss and one seed.
 pub fn run_single(args: &Args, case: Case) -> crate::BenchmarkResult {
     let Some(subject) = subject(args.on)? else { return Ok(None) };
     Ok(Some(one(&subject, case, args.log.clone())))
 }
 
-/// Case of a single run; `None` if the options select several runs.
+/// Scenario, loss and seed, if the options select a single run; otherwise `None`.
 pub fn single(args: &Args) -> Option<Case> {
     match &blocks(args)[..] {
         [Runs { scenario, loss_per_mille, seeds }] if seeds.clone().count() == 1 => {
@@ -178,7 +178,8 @@ struct Part {
 struct Campaign<'a> {
     args: &'a Args,
     blocks: Vec<Runs>,
-    /// Subject, which the first unit creates. A program whose work is done by an engine needs no subject.
+    /// Robot and library under test. The first unit of work creates them; a program that only submits work to an engine never
+    /// does.
     subject: Mutex<Option<Arc<Subject>>>,
 }
 

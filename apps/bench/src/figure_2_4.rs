@@ -48,11 +48,12 @@ pub fn run() -> miette::Result<Option<Findings>> {
         return Ok(None);
     }
     let (before, by_hand, kept) = worked.into_diagnostic()?;
-    let ways = [("as designed", &before), ("by hand", &by_hand), ("others follow", &kept)];
+    let ways =
+        [("original", &before), ("only this parameter", &by_hand), ("others compensate", &kept)];
     let curves: Vec<Curve> = ways.map(|(way, plans)| (way.to_owned(), pitch_deg(plans))).to_vec();
     let rows: Vec<Row> = ways.map(|(way, plans)| row(way, &before, plans)).to_vec();
     let names = parameters.iter().map(|of| format!("{} mm", of.name));
-    let mut table = table(["way", "mean pitch change °", "max °"]);
+    let mut table = table(["design", "mean pitch change °", "max °"]);
     table[0].extend(names);
     for row in &rows {
         let mut cells =
@@ -63,9 +64,7 @@ pub fn run() -> miette::Result<Option<Findings>> {
     }
     let holds = rows[1].mean_deg > BY_HAND_DEG && rows[2].max_deg < KEPT_DEG;
     let text = format!(
-        "{GIVEN} {:.0} mm longer. In the figure of the thesis, which has no numbers, the body \
-         pitches after an edit by hand, and stays level if the other parameters follow.\n{} by \
-         hand more than {BY_HAND_DEG}° on average, following at most {KEPT_DEG}°",
+        "Parameter {GIVEN} is {:.0} mm longer. Expected, as in the figure of the thesis: the body pitches by more than {BY_HAND_DEG}° on average if only this parameter changes,\nand by at most {KEPT_DEG}° if the other parameters compensate. Result: {}",
         1e3 * LONGER_M,
         if holds { "yes" } else { "NO " },
     );

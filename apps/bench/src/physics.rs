@@ -77,7 +77,7 @@ pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
             let holds = match check.holds {
                 Some(true) => "yes".to_owned(),
                 Some(false) => match check.known {
-                    Some(known) => format!("NO, known deviation up to {known}"),
+                    Some(known) => format!("NO, but a deviation of up to {known} is known"),
                     None => "NO".to_owned(),
                 },
                 None => String::new(),

@@ -92,5 +92,5 @@ pub fn written(result: &impl Serialize) -> miette::Result<Value> {
 /// Parses the result of a unit.
 pub fn read<R: DeserializeOwned>(value: &Value) -> miette::Result<R> {
     R::deserialize(value)
-        .map_err(|error| miette!("a journal contains a result of other work: {error}"))
+        .map_err(|error| miette!("a journal contains a result of another run: {error}"))
 }

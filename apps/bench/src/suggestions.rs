@@ -175,7 +175,7 @@ const BISECTIONS: usize = 7;
 /// Options of the benchmark.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Make requests that miss narrowly, and compare their computing time with that of requests that are just feasible.
+    /// Make slightly infeasible requests, and compare their computing time with that of barely feasible requests.
     #[arg(long)]
     pub near: bool,
     /// Plan every refused request again with this number of other seeds. A plan that converges reveals a false verdict.
@@ -237,7 +237,7 @@ pub fn split(args: &Args) -> Box<dyn Split + '_> {
     })
 }
 
-/// Runs requests that miss narrowly, and requests that are just feasible.
+/// Runs slightly infeasible and barely feasible requests.
 pub fn run_near(args: &Args) -> BenchmarkResult {
     let mut rows = Vec::new();
     for asked in requests(args) {
@@ -293,7 +293,7 @@ struct Request {
     motion: Motion,
 }
 
-/// Results of a request that is just feasible, and of one that misses narrowly.
+/// Results of a barely feasible and of a slightly infeasible request.
 #[derive(Serialize)]
 struct NarrowCase {
     request: String,
@@ -380,8 +380,7 @@ fn near_findings(rows: &[NarrowCase]) -> Findings {
     let within = rows.iter().filter(|row| row.ratio() <= 2.0).count();
     let median = measure::median(rows.iter().map(NarrowCase::ratio));
     let text = format!(
-        "{within} of {} slightly infeasible requests are refused within twice the time of a \
-         request that is just feasible; median ratio {median:.2}.\n{}",
+        "Time to refuse a slightly infeasible request / time to plan a barely feasible one: at most 2 for {within} of {}, median {median:.2}.\n{}",
         rows.len(),
         tally(rows.iter().flat_map(|row| &row.tried)).0
     );

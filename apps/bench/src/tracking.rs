@@ -271,7 +271,7 @@ fn findings<'a>(rows: impl Iterator<Item = &'a Row>) -> Findings {
     }
     let text = format!(
         "Distance or turn / plan, mean of the periods. {RATE_HZ} ticks a second; exact state \
-         except where noise is listed; contacts by the force of the ground.\n*: in some ticks the \
+         except where noise is listed; contact flags from the ground force.\n*: in some ticks the \
          servos received the plan in open loop, because the state was too uncertain, or because \
          the robot stumbled or was pushed beyond its support. Delay and noise act on closed loops \
          only.\nPushes: for {PUSH_S} s at every phase of the second period, to the front, back, \

@@ -245,7 +245,7 @@ impl Design {
     }
 }
 
-/// Looks up the values with these names.
+/// Looks up the given names among `known`.
 fn named<T: Copy>(what: &str, names: &[String], known: &[(&'static str, T)]) -> PyResult<Vec<T>> {
     let find = |name: &String| {
         let found = known.iter().find(|(known, _)| known == name).map(|(_, value)| *value);

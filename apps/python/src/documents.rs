@@ -152,7 +152,7 @@ fn resolve_relative(path: &Path, named: &str) -> PathBuf {
     resolved
 }
 
-/// Path of a shipped file with this name in this folder.
+/// Path of the shipped file `name` in `folder`.
 pub fn shipped(folder: &str, name: &str) -> PathBuf {
     Path::new(folder).join(name).with_extension("toml")
 }

@@ -78,7 +78,7 @@ fn build(contents: &Contents, solver: &mut ProgressSolver<'_>) -> Built {
     }
 }
 
-/// Solver with progress that ends when it is stopped.
+/// Solver that reports its progress, and ends when the caller requests it.
 struct ProgressSolver<'w> {
     threads: Option<NonZeroUsize>,
     watch: &'w Watch<Progress>,

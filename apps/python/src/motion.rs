@@ -1,4 +1,4 @@
-//! Motions that a robot can be asked to do.
+//! Motions: the goals and constraints that the planner receives.
 
 use crate::arrays::matrix;
 use crate::documents::{Source, shipped};

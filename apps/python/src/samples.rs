@@ -61,7 +61,7 @@ struct Columns<'t> {
 }
 
 impl Columns<'_> {
-    /// Indices of the next columns; panics if their names do not end with `endings`.
+    /// Indices of the next columns. Panics unless the names of the columns end with `endings`.
     fn next<const N: usize>(&mut self, endings: [&str; N]) -> [usize; N] {
         endings.map(|ending| {
             let column = self.next;

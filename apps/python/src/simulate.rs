@@ -104,7 +104,7 @@ impl Simulation {
         self.outcome.fell_at_s
     }
 
-    /// Planned displacement of the motion, or of one period: forward, m, left, m, turn to the left, rad, shape (3,).
+    /// Planned displacement of the motion, or of one period: forward (m), left (m) and turn to the left (rad), shape (3,).
     #[getter]
     fn planned_way(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
         vector(py, self.outcome.planned.way.values().to_vec())

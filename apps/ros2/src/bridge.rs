@@ -50,7 +50,7 @@ enum AnsweringEvent {
     Stopped,
     /// Start of following velocities.
     Driven,
-    /// Arrival of a driven robot in this state, after it has stopped.
+    /// Call that is answered when a driven robot has stopped and reached the given state.
     Home(State),
 }
 
@@ -401,7 +401,8 @@ impl<'a> Bridge<'a> {
         self.operated.operator.notify(now_us, Weight::Refused, text);
     }
 
-    /// Returns the robot to SAFE and leaves. A driven robot stops first; without contact the node leaves at once.
+    /// Returns the robot to SAFE and ends the node. A driven robot stops first. Without contact to the robot, the node ends at
+    /// once.
     fn leave_if(&mut self, wanted: bool) {
         let now_us = self.operated.now_us();
         let operator = &mut self.operated.operator;

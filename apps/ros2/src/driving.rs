@@ -95,7 +95,7 @@ impl NodePilot {
         now_us < *self.left_us.get_or_insert(now_us) + END_US
     }
 
-    /// Sends commands, collects plans and requests new ones; call often.
+    /// Sends commands to the robot, receives plans and requests the next plans. Call it often.
     pub fn turn(&mut self, now_us: u64, operator: &mut Operator) {
         self.steered.steer(self.commanded.steering(now_us));
         self.steered.turn(now_us, operator, |_| {});

@@ -301,7 +301,7 @@ fn set(args: &Set) -> miette::Result<Exit> {
     }
     if !without.is_empty() {
         output::print_line(format_args!(
-            "skipped, because they do not have this value: {}",
+            "skipped, because these channels do not have this parameter: {}",
             without.join(", ")
         ));
     }

@@ -59,8 +59,8 @@ struct ImportOutput<'a> {
     warnings: &'a [String],
 }
 
-/// Models of other programs by the ends of their names: what the file is, and how to convert it. SDF and Xacro are text, and are
-/// recognised by their content, too.
+/// Models of other programs: file name extensions, description of the file, and advice on its conversion. The import also
+/// recognises SDF and Xacro by their content.
 const FOREIGN: [(&[&str], &str, &str); 4] = [
     (
         &["usd", "usda", "usdc", "usdz"],
@@ -84,7 +84,7 @@ const FOREIGN: [(&[&str], &str, &str); 4] = [
     ),
 ];
 
-/// Rejects models of other programs, which may not even be text.
+/// Rejects models of other programs, which may be binary files.
 fn reject_foreign(path: &Path) -> miette::Result<()> {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     match FOREIGN.iter().find(|(extensions, ..)| extensions.contains(&extension.as_str())) {

@@ -67,7 +67,7 @@ pub struct Args {
     #[arg(long, value_name = "PLAN.json", conflicts_with_all = ["start", "seed"])]
     from: Option<PathBuf>,
     /// Plan the goal with every gait that suits the robot, several duty factors, rolling wheels and the given footfalls. Prints
-    /// a table, ranked by what holds as played and then by costs, and writes the best plan.
+    /// a table, with the motions that pass the simulation first and then by costs, and writes the best plan.
     #[arg(long, conflicts_with_all = ["from", "dump", "method"])]
     search_gaits: bool,
     /// Optimisation method; the methods of the thesis are for comparison, and much slower.
@@ -434,7 +434,7 @@ fn beginning(solve: &SolveSummary, is_given: bool) -> String {
         }
         StartKind::Neighbour if is_given => return "the given plan".to_owned(),
         StartKind::Neighbour => return "the plan of an easier motion".to_owned(),
-        StartKind::Joined => return "the motions it joins".to_owned(),
+        StartKind::Joined => return "the two motions that the transition connects".to_owned(),
     };
     format!("{kind}, seed {}", start.seed)
 }

@@ -159,7 +159,7 @@ impl StandingReport {
         pairs.dedup();
         (!pairs.is_empty()).then(|| {
             format!(
-                "shapes of {} overlap in the nominal pose, so motions do not keep them apart: make \
+                "shapes of {} overlap in the nominal pose, so plans do not keep them apart: make \
                  these `shapes` smaller in the robot file",
                 pairs.join(", ")
             )
@@ -218,9 +218,9 @@ impl StandingReport {
             let [first, second] = &near.links;
             let apart = apart(near.distance_m);
             let so = if near.distance_m < 0.0 {
-                "motions do not keep them apart"
+                "plans do not keep them apart"
             } else {
-                "motions keep no larger distance"
+                "plans may approach to this distance"
             };
             warnings.push(format!(
                 "links `{first}` and `{second}` {apart} in the nominal pose, so {so}; expected at least {margin_mm:.1} mm: check `shapes`, `nominal_rad` or `clearance_margin_m`"
@@ -232,8 +232,7 @@ impl StandingReport {
                 warnings.push(height.below_ground());
             } else if height_m < least_m {
                 warnings.push(format!(
-                    "link `{link}` is {:.1} mm above the ground in the nominal pose, so motions keep no \
-                     larger height; expected at least {:.1} mm: check its `shapes`, which must end above \
+                    "link `{link}` is {:.1} mm above the ground in the nominal pose, so plans may lower the link to this height; expected at least {:.1} mm: check its `shapes`, which must end above \
                      the contact",
                     1e3 * height_m,
                     1e3 * least_m

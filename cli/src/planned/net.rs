@@ -28,9 +28,7 @@ pub fn undone_goals(plans: &Plans) -> Vec<String> {
             let (wanted, left) = (way.values()[of], net[of]);
             if !(0.95..=1.05).contains(&(left / wanted)) {
                 found.push(format!(
-                    "{}: {} is {wanted:.3} in the plan, but {left:.3} from SAFE to SAFE, because the \
-                     transitions shift the body back over the fixed contacts: let feet step or \
-                     wheels roll",
+                    "{}: {} is {wanted:.3} in the plan, but only {left:.3} remain when the robot is back in SAFE: feet and wheels stay in place, so the transitions move the body back over them. Let feet step or wheels roll",
                     plan.motion.name, NAMES[of]
                 ));
             }

@@ -109,17 +109,15 @@ impl Simulation {
     pub fn misses(&self) -> Vec<String> {
         let motions = self.clips.iter().filter(|clip| !clip.judged.needs_feedback);
         let astray = motions.filter_map(|Clip { name, judged }| {
-            Some(format!("{name} does not hold in simulation: {}", judged.miss.as_ref()?))
+            Some(format!("{name} fails in simulation: {}", judged.miss.as_ref()?))
         });
         let needs =
             |of: &str| self.clips.iter().any(|clip| clip.name == of && clip.judged.needs_feedback);
         let fell = self.fell.iter().filter(|(_, during)| !needs(during)).map(|(at_s, during)| {
-            format!(
-                "{during} does not hold in simulation: the robot falls {at_s:.2} s after power-on"
-            )
+            format!("{during} fails in simulation: the robot falls {at_s:.2} s after power-on")
         });
         let stopped = self.stopped.iter().filter(|_| self.fell.is_none());
-        let stopped = stopped.map(|why| format!("the library does not hold in simulation: {why}"));
+        let stopped = stopped.map(|why| format!("the library fails in simulation: {why}"));
         let off = self.on_terrain.iter().filter(|of| !of.verdict.holds() && !of.needs_feedback);
         let off =
             off.map(|OnTerrain { name, verdict, .. }| format!("{name}, on its terrain: {verdict}"));
@@ -135,13 +133,21 @@ impl fmt::Display for Simulation {
         });
         let ratios: Vec<_> = ratios.collect();
         match (self.misses().is_empty(), ratios.is_empty()) {
-            (true, true) => f.write_str("holds in simulation"),
+            (true, true) => f.write_str("passes the simulation"),
             (true, false) => {
-                write!(f, "holds in simulation; fraction of the plan: {}", ratios.join(", "))
+                write!(
+                    f,
+                    "passes the simulation; achieved fraction of the planned distance or turn: {}",
+                    ratios.join(", ")
+                )
             }
             (false, true) => f.write_str("in simulation"),
             (false, false) => {
-                write!(f, "in simulation, fraction of the plan: {}", ratios.join(", "))
+                write!(
+                    f,
+                    "in simulation, achieved fraction of the planned distance or turn: {}",
+                    ratios.join(", ")
+                )
             }
         }
     }

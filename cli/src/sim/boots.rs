@@ -8,7 +8,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
-/// Session that no controller offers. Its tag identifies a key without revealing it.
+/// Session number that no controller offers. The tag of this session identifies a key in a file name without revealing the key.
 const NO_SESSION: LinkSession = LinkSession { number: u64::MAX, nonce: 0 };
 
 /// Counts a boot of a controller with a key, and returns a number above that of every previous boot. Returns `None` if the user

@@ -88,8 +88,7 @@ impl Gains {
 pub fn no_file() -> KeepParameters {
     Box::new(|_| {
         output::print_line(
-            "a host cannot save gains, because they would be lost at the end of this program: \
-             start it with --library LIB.rwl, beside which gains are stored",
+            "a host cannot save gains: start rollwalk-sim with --library LIB.rwl, which stores gains in a file beside LIB.rwl",
         );
         false
     })

@@ -44,7 +44,7 @@ impl Printer {
         let falls = ground.falls();
         for fall in falls.iter().skip(self.falls) {
             output::print_line(format_args!(
-                "{:9.3} s  fell: tilted by {:.0}°, its centre of mass {:.2} m above the ground; \
+                "{:9.3} s  the robot fell: tilted by {:.0}°, its centre of mass {:.2} m above the ground; \
                  the hoist lifts the robot after 3 s without torque",
                 fall.at.as_s(),
                 fall.how.tilt_rad.to_degrees(),

@@ -6,14 +6,15 @@ use std::process::ExitCode;
 /// Exit codes for the end of a help text: the codes that all commands share, and `exits` of this command.
 pub(crate) fn help(exits: &[Exit]) -> String {
     let has = |exit| exits.contains(&exit);
-    let done = if has(Exit::DoesNotHold) { "done, and every plan holds" } else { "done" };
+    let done =
+        if has(Exit::DoesNotHold) { "done, and every plan passed its checks" } else { "done" };
     let mut text = format!(
         "Exit codes:\n  0    {done}\n  1    bad input, or a file that cannot be read or written\n  2    wrong command line"
     );
     for (exit, meaning) in [
         (
             Exit::DoesNotHold,
-            "a plan does not hold: the optimiser did not converge, or the simulated motion fails",
+            "a plan failed a check: the optimiser did not converge, or the motion fails in simulation",
         ),
         (Exit::OutOfBounds, "a measured error or count exceeds its limit"),
         (Exit::NotDone, "the robot refused a command, stopped, or did not answer"),

@@ -234,7 +234,9 @@ impl Kind {
             Self::Packed => {
                 "use a motion library with `rollwalk library inspect` or `rollwalk flash`"
             }
-            Self::Names => "give another file: rollwalk keeps lists of names for its own use",
+            Self::Names => {
+                "give another file: this is a list of motion names that rollwalk writes and reads itself"
+            }
             Self::Gains => {
                 "keep saved gains beside the library that `rollwalk-sim --library` names"
             }

@@ -12,7 +12,7 @@ use rollwalk_protocol::wire::State;
 
 /// Number of remaining frames at which the next horizon is requested: 0.25 s, half of which is already in the controller.
 const RESERVE: usize = 15;
-/// Number of stretches for which a stopped robot stands before it moves to SAFE.
+/// Number of played horizon parts ([`Stretch`]) for which a stopped robot stands before it moves to SAFE.
 const STANDS_STRETCHES: u32 = 6;
 /// Largest planned speed at which a robot counts as standing, m/s and rad/s.
 const STANDS_BELOW: f64 = 0.02;
@@ -31,7 +31,7 @@ const STOPS_US: u64 = 10_000_000;
 pub struct SteeringRequest {
     /// Velocity of the body.
     pub steering: Steering,
-    /// True if the robot walks in its gait. Otherwise all end effectors stand.
+    /// True if the robot walks in its gait; false if all end effectors are in stance.
     pub walks: bool,
 }
 
@@ -64,7 +64,7 @@ pub enum ActionAfterStop {
 /// Phase of the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Does not follow a stream.
+    /// The robot does not follow streamed set-points.
     Off,
     /// Stays in SAFE while a stream is prepared.
     Beginning,
@@ -108,7 +108,7 @@ pub struct Pilot {
     has_said_why: bool,
     /// First frames of a stream, until the controller follows it.
     first: Option<Vec<Vec<Target>>>,
-    /// Number of consecutive stretches in which the robot was to stand and stood.
+    /// Number of consecutive stretches in which the robot was commanded to stand and stood.
     stood: u32,
     /// Deadline of the previous command, µs. The pilot then repeats the command or gives up.
     again_us: u64,
@@ -241,7 +241,7 @@ impl Pilot {
         self.arms > 0 && now_us >= self.again_us && view.hello.is_some() && view.asking.is_none()
     }
 
-    /// Commands the stream once its first frames have been planned.
+    /// Sends the command STREAM when the first frames of the stream have been planned.
     fn begin(&mut self, now_us: u64, operator: &mut Operator) {
         if operator.leaving() != ExitStage::No {
             return;

@@ -52,8 +52,8 @@ impl SteeredRobot {
         self.pilot.steer(SteeringRequest::of(steering, self.has_gait));
     }
 
-    /// Gives commands, receives plans and requests the next ones. Call it often. `took` receives the planning time of each
-    /// plan.
+    /// Sends commands to the robot, receives plans and requests the next plans. Call it often. `took` is called with the planning
+    /// time of each plan.
     pub fn turn(&mut self, now_us: u64, operator: &mut Operator, mut took: impl FnMut(Duration)) {
         self.pilot.update(now_us, operator);
         loop {

@@ -9,8 +9,8 @@ use rollwalk_tracking::Reference;
 /// Speed below which a reference rests, rad/s and m/s.
 const REST: f64 = 1e-9;
 
-/// Turns a reference at rest until the axle of its two wheels is below the centre of mass. Other references and robots keep
-/// theirs.
+/// Turns the body of a reference at rest until the axle of its two wheels is below the centre of mass. Leaves moving references
+/// and other robots unchanged.
 pub(crate) fn upright(tree: &Tree, reference: &mut Reference) {
     let rests = reference.state.velocity.iter().all(|speed| speed.abs() < REST);
     if !rollwalk_tracking::balances(tree.robot()) || !rests {

@@ -162,7 +162,7 @@ impl fmt::Display for MotionFailure {
             }
             Self::Unfinished => f.write_str("the run was stopped before its end"),
             Self::Astray { astray, from_period } if *from_period > 2 => {
-                write!(f, "{astray}, in the mean from period {from_period}")
+                write!(f, "{astray}, on average from period {from_period} on")
             }
             Self::Astray { astray, .. } => write!(f, "{astray}"),
         }

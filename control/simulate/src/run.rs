@@ -168,7 +168,7 @@ pub(crate) struct RunStep {
 enum MotionEvent {
     /// Start of the motion.
     Start,
-    /// End of a period, or of the rest after a finite motion.
+    /// End of a period. For a finite motion, end of the rest after the motion.
     End,
 }
 

@@ -121,7 +121,7 @@ impl<'p> Leg<'p> {
         self
     }
 
-    /// Holds the end pose of a finite motion for `hold_s`, s. A periodic motion ignores it.
+    /// Sets the time for which the robot holds the end pose of a finite motion, s. Has no effect on a periodic motion.
     #[must_use]
     pub fn held(mut self, hold_s: f64) -> Self {
         self.hold_s = hold_s.max(0.0);
@@ -162,7 +162,8 @@ impl<'p> Leg<'p> {
         self.plan().motion.name.clone()
     }
 
-    /// Ends the leg as early as possible after `time_s` of it, s. The final leg of a sequence keeps its hold.
+    /// Shortens this part of the sequence to the first moment after `time_s` at which its motion can end. Only the last part
+    /// keeps its hold time.
     fn end(&mut self, time_s: f64, is_last: bool) {
         let period_s = self.script.duration_s();
         if self.script.repeats() {
@@ -356,8 +357,8 @@ impl<'p> Sequence<'p> {
         measured_s + self.timing.latency_s
     }
 
-    /// Places the first plan at the robot during the rest before it: when its state becomes known, and again when the motion
-    /// begins.
+    /// Places the first plan at the robot's position during the rest before the plan: when the robot's state becomes known, and
+    /// again when the motion begins.
     fn rest(&mut self, now_s: f64, measured: Measurement<'_>) {
         let begins = self.goes && self.ready;
         if self.ready && !begins {

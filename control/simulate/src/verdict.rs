@@ -101,10 +101,10 @@ impl fmt::Display for Verdict {
         match self {
             Self::Holds => write!(
                 f,
-                "holds in simulation, with contacts of 0.5, 1 and 2 times the usual stiffness"
+                "passes the simulation: no fall, 95 to 105 % of each goal, with contacts of 0.5, 1 and 2 times the usual stiffness"
             ),
             Self::Fails { contact_stiffness, miss } => {
-                write!(f, "does not hold in simulation: {miss}{}", on(*contact_stiffness))
+                write!(f, "fails in simulation: {miss}{}", on(*contact_stiffness))
             }
             Self::Unsolved { contact_stiffness, at_s } => write!(
                 f,

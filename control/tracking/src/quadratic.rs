@@ -145,7 +145,11 @@ impl Solver {
     /// Computes the unconstrained minimum: J = L⁻ᵀ, x = −J Jᵀ g.
     fn begin(&mut self, program: &Program) -> Result<(), SolveError> {
         let n = self.x.len();
-        assert_eq!(program.gradient.len(), n, "the solver is made for another size");
+        assert_eq!(
+            program.gradient.len(),
+            n,
+            "the solver was created for a problem of another size"
+        );
         self.active.clear();
         self.is_active.fill(false);
         self.steps = 0;

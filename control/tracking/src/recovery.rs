@@ -69,7 +69,7 @@ enum Stage {
         /// True if the steps of the plan, which continues during recovery, should catch the robot.
         by_steps: bool,
     },
-    /// Robot that stood: in this tick its plan moves to its position.
+    /// Robot that has stood still. In this tick the plan is moved to the robot's position.
     Resumes,
 }
 
@@ -250,7 +250,7 @@ mod tests {
         );
     }
 
-    /// Tests slow robots, which do not fall. A slow robot catches up sooner if it continues its plan.
+    /// Tests that a robot slower than its plan continues the plan: it does not fall, and catches up sooner than after a recovery.
     #[test]
     fn a_robot_that_is_slower_than_its_plan_does_not_recover() {
         let fast = Errors { planned_m_s: speed_m_s(0.5), ..STILL };

@@ -107,7 +107,7 @@ struct Foot {
     still_m_s2: Vector3<f64>,
     /// Horizontal unit vector along the travel of a wheel or blade.
     along: Vector3<f64>,
-    /// Horizontal unit vector to its side.
+    /// Horizontal unit vector perpendicular to the direction of travel.
     side: Vector3<f64>,
     force_n: Vector3<f64>,
     /// Planned contact or lowest point, m.
@@ -169,7 +169,7 @@ fn dofs_of(row: &[JointRatio]) -> Vec<(usize, f64)> {
     row.iter().map(|of| (JOINTS + of.joint, of.ratio)).collect()
 }
 
-/// True for a robot that balances: it has one or two driven wheels, and nothing else stands.
+/// True for a robot that must balance: only one or two driven wheels touch the ground.
 pub fn balances(robot: &Robot) -> bool {
     let is_driven = |end: &EndEffector| end.contact.rolls() && end.contact.actuator().is_some();
     robot.end_effectors.len() <= 2 && robot.end_effectors.iter().all(is_driven)

@@ -54,7 +54,7 @@ pub struct BusDriver {
     pub listening: bool,
     /// Ticks until the next query for temperature and voltage.
     ticks_to_readings: u16,
-    /// Channel whose temperature and voltage are due, in place of the next query.
+    /// Channel whose temperature and voltage the next query requests instead of its pose.
     reading: Option<usize>,
     /// Channel whose temperature and voltage were queried most recently.
     last_read: usize,
@@ -126,7 +126,7 @@ impl BusDriver {
             self.transmission.filter(|transmission| transmission.channels & bit(channel) == 0);
     }
 
-    /// Begins a new control period. Drops a transmission that made no progress, since its pose is outdated: it begins again.
+    /// Begins a new control period. Drops a transmission that has made no progress, because its set-point is outdated.
     pub fn age(&mut self) {
         if !self.moved {
             self.transmission = None;

@@ -207,7 +207,7 @@ impl Actuators {
         }
     }
 
-    /// Drops pending set-points and torque commands, which a new state has made obsolete.
+    /// Drops pending set-points and torque commands of the previous state.
     pub fn drop_orders(&mut self) {
         for driver in &mut self.drivers {
             driver.interrupt();

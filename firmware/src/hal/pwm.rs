@@ -59,7 +59,9 @@ impl<P: SetDutyCycle> PwmServo<P> {
         let (shortest, longest) = pulse.limits_us;
         // Written so that a NaN is refused.
         if !(shortest > 0.0 && longest >= shortest && longest < period_us && period_us < 1e6) {
-            return Err(PwmError::Settings("pulses above 0 µs, in order, and below the period"));
+            return Err(PwmError::Settings(
+                "pulses above 0 µs, in ascending order, and shorter than the period",
+            ));
         }
         if !(pulse.us_per_rad != 0.0 && (pulse.us_per_rad + pulse.centre_us).is_finite()) {
             return Err(PwmError::Settings("a pulse that changes with the angle"));

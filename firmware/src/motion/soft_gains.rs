@@ -4,7 +4,7 @@ use rollwalk_protocol::config::MAX_CHANNELS;
 
 /// Fastest rise of the gain fraction of a channel, 1/s: eightfold in 0.1 s at 120 Hz.
 const GAIN_RISE_1_S: f32 = 23.0;
-/// Fraction of the gains at which a gain of 0 begins to rise.
+/// Fraction of the full gain from which a gain rises if it was 0.
 const LEAST_PART: f32 = 0.02;
 
 /// Gain fractions of all channels.

@@ -303,7 +303,7 @@ fn an_unusable_configuration_never_arms() {
     assert!(rig.statuses().last().unwrap().1.faults.contains(Fault::Internal));
 }
 
-/// Ramp starts when all actuators are enabled, and from fresh poses only.
+/// Alignment ramp starts when all actuators are enabled, and only from fresh poses.
 #[test]
 fn the_ramp_starts_from_fresh_poses_only() {
     let mut rig = Rig::booted();

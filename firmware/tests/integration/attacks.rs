@@ -54,7 +54,7 @@ enum Attack {
     Plain {
         back: usize,
     },
-    /// A command that is delayed until after the host's next one.
+    /// A command that arrives after the host's next command.
     Overtaken {
         action: Action,
     },

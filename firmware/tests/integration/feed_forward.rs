@@ -1,5 +1,5 @@
-//! Torques of the library with drives of every protocol: they hold a load, begin and end without a jump, and stay within all
-//! limits.
+//! Tests feed-forward torques with drives of every protocol: torques hold a load, begin and end without a jump, and stay within
+//! all limits.
 
 use proptest::prelude::*;
 use rollwalk_firmware::bus::{Bus, Pose, Protocol};

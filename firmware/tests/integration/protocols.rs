@@ -266,7 +266,7 @@ fn a_stop_goes_before_the_rest_of_an_order() {
     }
 }
 
-/// Frames of a torque-on command follow each other directly: no other frame to that drive is sent between them.
+/// Frames of a torque-on command follow each other directly: the controller sends no other frame to this drive between them.
 #[test]
 fn an_order_that_enables_is_whole() {
     for protocol in protocols() {

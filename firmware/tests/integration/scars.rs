@@ -21,7 +21,8 @@ use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::faults::{Fault, Severity};
 use rollwalk_protocol::wire::{Action, CommandResult, Discover, Estop, Heartbeat, Node, State};
 
-/// Other controllers check the first set-point only after sending it, and continue with an aborted motion.
+/// Failure known from other controllers: they check the first set-point only after sending it, and continue with an aborted
+/// motion.
 #[test]
 fn scar_3_checked_before_it_is_sent_and_an_abort_aborts() {
     // The measured angle is out of range, so nothing is sent.
@@ -135,7 +136,7 @@ fn a_host_that_was_started_again_is_heard_within_the_timeout() {
     }
 }
 
-/// Other firmware reports no fault while the robot lies on the floor.
+/// Failure known from other firmware: it reports no fault while the robot lies on the floor.
 #[test]
 fn scar_7_any_fault_shows_in_the_status_word() {
     type Cause = fn(&mut Rig);

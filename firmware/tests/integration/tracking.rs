@@ -166,7 +166,8 @@ fn a_host_whose_answers_are_old_does_not_steer() {
     assert!(rig.stands());
 }
 
-/// Late answers would make the robot hold still again and again. The answers that do take effect never make it stiff.
+/// Tests late answers, with which the robot holds still repeatedly. The gains must not rise each time that an answer takes
+/// effect.
 #[test]
 fn gains_do_not_flicker_with_the_age_of_answers() {
     for age in 0..10 {

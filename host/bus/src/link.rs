@@ -13,10 +13,10 @@ pub enum LinkError {
     Down(String),
 }
 
-/// CAN bus with a controller, as a host uses it.
+/// CAN bus between a host and a controller.
 ///
-/// The bus implements waiting: a real bus sleeps, and a simulated one advances virtual time. The same session therefore runs on
-/// both.
+/// The bus implements waiting: a real bus sleeps, and a simulated bus advances virtual time. The same session code therefore
+/// runs on both.
 pub trait LinkBus {
     /// Time since a fixed instant, µs. It never decreases.
     fn now_us(&self) -> u64;

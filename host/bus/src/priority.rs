@@ -5,7 +5,7 @@
 
 /// Gives the calling thread the lowest real-time priority, which is above all ordinary threads.
 ///
-/// Returns true if the system permits it. Otherwise the program works, but with delays on a busy computer.
+/// Returns true if the system permits this. Without this priority, heartbeats may be late on a busy computer.
 #[cfg(target_os = "linux")]
 pub fn raise() -> bool {
     use thread_priority::unix::{

@@ -8,8 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Position above which an axis counts as pressed.
 const PRESSED: f32 = 0.6;
-/// Position below which an axis counts as released. A trigger that is mistaken for a stick rests at 0.5, and so does a stick
-/// that is mistaken for a trigger.
+/// Position below which an axis counts as released. It is below 0.5, where a trigger rests whose mapping describes it as a stick.
 const LET_GO: f32 = 0.45;
 /// Largest change of the playback speed that is treated as noise of the stick, 64ths.
 const SPEED_NOISE: i8 = 2;
@@ -85,7 +84,7 @@ pub struct MappedGamepad {
     mapping: Mapping,
     is_there: bool,
     down: BTreeSet<Input>,
-    /// Inputs that count only after a release.
+    /// Inputs that were pressed when the gamepad connected. They have no effect before their release.
     stale: BTreeSet<Input>,
     held: bool,
     /// Latest position of each axis.

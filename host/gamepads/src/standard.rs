@@ -23,9 +23,9 @@ const BUTTONS: [(usize, &str); 13] = [
     (11, "BTN_THUMBR"),
     (16, "BTN_MODE"),
 ];
-/// Index of the left one of the buttons on the right.
+/// Index of the left button of the right-hand group.
 const LEFT: usize = 2;
-/// Index of the top one of the buttons on the right.
+/// Index of the top button of the right-hand group.
 const TOP: usize = 3;
 /// Indices in a browser of the inputs that are axes for Linux: triggers, and the directions of the cross.
 const PUSHES: [(usize, &str); 6] = [

@@ -3,7 +3,7 @@
 use super::{Actuators, BusKind};
 use rollwalk_protocol::faults::{Event, Fault, FaultBits};
 
-/// Name of a fault and the first step against it, for a kind of bus.
+/// Name of a fault and the first step of its repair, in the terms of a kind of bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FaultWords {
     /// Short description.
@@ -12,7 +12,8 @@ pub struct FaultWords {
     pub advice: &'static str,
 }
 
-/// Name of a fault, first step against it, and clause for its event; `None` if the clause of the event fits every kind of bus.
+/// Name of a fault, first step of its repair, and text for its event. The text is `None` if the general text fits every kind of
+/// bus.
 type Row = (&'static str, &'static str, Option<&'static str>);
 
 /// Description of a fault on a kind of bus; `None` if the description of [`Fault::description`] fits.
@@ -93,7 +94,7 @@ pub fn fault_names_on(faults: FaultBits, actuators: &Actuators) -> String {
     if names.is_empty() { "no fault".to_owned() } else { names.join(", ") }
 }
 
-/// Clause for an event on a kind of bus; `None` if [`Event::description`] fits every kind.
+/// Text for an event in the terms of a kind of bus; `None` if [`Event::description`] fits every kind.
 pub fn event_words(event: Event, kind: Option<BusKind>) -> Option<&'static str> {
     let (_, _, clause) = row(kind, event.fault()?)?;
     clause

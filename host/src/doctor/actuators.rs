@@ -53,7 +53,10 @@ impl Observations<'_> {
             _ if all => "any actuator".to_owned(),
             _ if waiting > 0 && silent.len() == waiting + 1 => {
                 let after = if waiting == 1 { "the servo" } else { "the servos" };
-                format!("{}, and therefore none from {after} after it", self.addressed(first))
+                format!(
+                    "{}, and therefore none from {after} behind it on the line",
+                    self.addressed(first)
+                )
             }
             _ => {
                 silent.iter().map(|&channel| self.addressed(channel)).collect::<Vec<_>>().join(", ")

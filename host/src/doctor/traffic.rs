@@ -71,11 +71,11 @@ impl Traffic {
 /// Answers of an actuator, according to its telemetry.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Answers {
-    /// Number of reports that say that the actuator did not answer.
+    /// Number of reports according to which the actuator did not answer.
     pub missed: u32,
     /// Number of reports.
     pub reports: u32,
-    /// Number of latest reports that say that the actuator did not answer.
+    /// Number of consecutive latest reports according to which the actuator did not answer.
     missed_last: u32,
 }
 

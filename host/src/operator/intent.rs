@@ -35,7 +35,7 @@ pub enum Intent {
     Track(Tracking),
     /// State of the deadman. Without such an intent there is no deadman.
     Deadman(Deadman),
-    /// Return to SAFE, switch torque off and leave. A second time, leave at once.
+    /// Return to SAFE, switch torque off and end the session. A second request ends the session at once.
     Quit,
 }
 

@@ -168,7 +168,7 @@ impl Operator {
         self
     }
 
-    /// Action by which a person who watches the robot can stop it when contact is lost; `None` if no person watches.
+    /// Advice on how a person at the robot can stop it when contact is lost; `None` if no person watches the robot.
     fn way_out(&self) -> Option<&'static str> {
         match self.deadman {
             _ if self.unwatched => None,
@@ -231,12 +231,12 @@ impl Operator {
     pub fn set_attended(&mut self, now_us: u64, attended: bool) {
         if self.unattended == attended {
             if attended {
-                self.log.notify(now_us, Weight::Note, "the controls respond again");
+                self.log.notify(now_us, Weight::Note, "the page or terminal responds again");
             } else {
                 self.asked = None;
                 self.drop_moving();
                 let text = format!(
-                    "the controls do not respond: heartbeats are withheld, and {LEFT_ALONE}"
+                    "the page or terminal does not respond, so this host sends no heartbeats, and {LEFT_ALONE}"
                 );
                 self.log.notify(now_us, Weight::Warning, text);
             }
@@ -416,7 +416,7 @@ impl Operator {
                 // The refused frame may be a heartbeat. A frame that is refused later is not a heartbeat, and may be a stop.
                 self.unsent = None;
                 if self.link.state().is_some_and(has_torque) {
-                    let text = format!("heartbeats are withheld, and {LEFT_ALONE}");
+                    let text = format!("this host sends no heartbeats, and {LEFT_ALONE}");
                     self.log.notify(now_us, Weight::Warning, text);
                 }
             }

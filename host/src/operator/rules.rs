@@ -119,9 +119,9 @@ impl Operator {
                 self.forget_orders();
                 self.automatic_us = now_us;
                 let text = if self.link.in_contact(now_us) && self.bus_lost.is_none() {
-                    "leaving: the robot returns to SAFE, then torque is switched off"
+                    "quitting: the robot returns to SAFE, then torque is switched off"
                 } else {
-                    "no contact: quit again to leave at once"
+                    "no contact with the controller: quit again to end at once"
                 };
                 self.log.notify(now_us, Weight::Note, text);
                 ExitStage::WhenHome
@@ -178,7 +178,7 @@ impl Operator {
             return refused(&format!("the bus is lost ({why})"));
         }
         if self.unattended && order.moves() {
-            return refused("no operator is at the controls");
+            return refused("the page or terminal does not respond");
         }
         if let Some(why) = self.mismatch()
             && (self.visiting || order.moves())

@@ -96,8 +96,8 @@ pub struct JointView {
 pub enum ExitStage {
     /// The operator is not leaving.
     No,
-    /// The operator leaves once the robot has reached SAFE and torque is off.
+    /// The operator ends the session when the robot has reached SAFE and torque is off.
     WhenHome,
-    /// The operator leaves at once, because torque is off or the operator has requested it twice.
+    /// The operator ends the session at once, because torque is off or the operator has requested the end twice.
     Now,
 }

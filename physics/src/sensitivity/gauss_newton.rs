@@ -15,7 +15,7 @@ pub struct Evaluation {
     pub values: Vec<f64>,
     /// Computes the Jacobian of the residuals with respect to the parameters, one row for each residual. Called only for
     /// accepted steps.
-    #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
+    #[allow(clippy::type_complexity, reason = "the type has no other use")]
     pub jacobian: Box<dyn FnOnce() -> DMatrix<f64>>,
 }
 

@@ -15,7 +15,7 @@ pub struct Evaluation {
     /// Value of the objective.
     pub cost: f64,
     /// Computes the gradient. Called only for points with sufficient decrease.
-    #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
+    #[allow(clippy::type_complexity, reason = "the type has no other use")]
     pub gradient: Box<dyn FnOnce() -> Vec<f64>>,
 }
 

@@ -19,7 +19,8 @@ use std::collections::BTreeMap;
 /// points is overdetermined, and a much larger stiffness would hold contacts that the solver releases.
 const HARDER: f64 = 100.0;
 
-/// Relative amount by which derivatives move friction at its limit beyond the limit. The contact then counts as sliding.
+/// Relative excess over the friction limit that derivatives assume for friction at its limit, so that the contact counts as
+/// sliding.
 const BEYOND: f64 = 1e-6;
 
 /// Record of a step, or of a substep of a halved step.

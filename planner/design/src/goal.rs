@@ -31,7 +31,7 @@ pub struct Quantity {
     pub bound: &'static str,
     /// Symbol of the unit; empty for dimensionless quantities.
     pub unit: &'static str,
-    /// Smallest reference value. It prevents division by a value near 0, such as the power of a steady motion.
+    /// Smallest divisor of the quantity. It prevents division by a value near 0, such as the power of a motion at constant speed.
     pub little: f64,
 }
 

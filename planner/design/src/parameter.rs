@@ -7,7 +7,7 @@ use std::fmt;
 pub enum Axis {
     /// Forward.
     X,
-    /// Left; mirrored on right limbs.
+    /// Coordinate to the left; right limbs are mirrored.
     Y,
     /// Up.
     Z,

@@ -95,7 +95,8 @@ pub enum RepairProgress<'a> {
 pub struct Step {
     /// Values of the parameters.
     pub values: Vec<f64>,
-    /// Sum of the energies, without the pull. Comparable within one round only.
+    /// Sum of the energies without the penalty on parameter changes. Comparable only within one round, because each round has
+    /// other multipliers.
     pub energy: f64,
     /// Largest residual of all motions, divided by its tolerance.
     pub worst_level: f64,
@@ -298,7 +299,7 @@ impl<E> RepairState<'_, '_, E> {
         Ok(Feasibility::Nearest(self.nearest(&short)))
     }
 
-    /// Minimises the energy over the parameters until no further step lowers it.
+    /// Minimises the energy over the parameters until no step lowers the energy.
     fn descend(&mut self, short: &mut Vec<Shortfall>, round: usize) -> Result<(), RepairStop<E>> {
         if self.free.is_empty() {
             return Ok(());

@@ -27,7 +27,7 @@ const IN_THE_WHEEL: f64 = 0.1;
 pub enum Blades {
     /// Rigid on the link, as in robot files.
     Fixed,
-    /// Nearly massless wheel, for simulators whose contacts cannot glide along a single direction.
+    /// Nearly massless wheel in place of a blade, for simulators without contacts that glide in only one direction.
     Roll,
 }
 
@@ -246,7 +246,7 @@ impl<N: Into<String>> FromIterator<N> for Names {
 }
 
 impl Names {
-    /// Name with as many endings as make it unique.
+    /// Name with suffixes appended until it is unique.
     pub fn unique(&mut self, name: &str, ending: &str) -> String {
         let mut name = name.to_owned();
         while !self.0.insert(name.clone()) {

@@ -32,9 +32,9 @@ const LIKELY_CHANGE: f64 = 2.0;
 /// Relative change of a motor limit up to which the limit may be a cause although it is hardly exceeded. Softer constraints are
 /// violated in place of a stiff limit.
 const LITTLE_CHANGE: f64 = 0.5;
-/// Relative change of a goal beyond which the goal is not the cause.
+/// Relative change of a goal above which the diagnosis does not name the goal as cause.
 const HOPELESS_CHANGE: f64 = 1.5;
-/// Rank of groups without an estimate, behind all others.
+/// Rank of groups without an estimated feasible value; such groups come last.
 const LAST_RANK: f64 = 1e3;
 /// Smallest fraction of a group's strongest pull with which a row counts for the time span.
 const PULLING: f64 = 0.1;

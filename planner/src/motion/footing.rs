@@ -104,7 +104,7 @@ pub struct TerrainMaps {
 }
 
 impl PartialEq for TerrainMaps {
-    /// Compares terrain and patches, from which the maps follow.
+    /// Compares terrain and patches. The maps follow from both.
     fn eq(&self, other: &Self) -> bool {
         self.terrain == other.terrain && self.patches == other.patches
     }
@@ -242,7 +242,7 @@ impl Maps<'_> {
         ElevationMap::Contour(Arc::new(contour)).turned(self.terrain.heading_rad)
     }
 
-    /// Ground that is its own map: a slope or a field.
+    /// Elevation map of ground without edges: a slope or a height field.
     fn smooth(&self) -> Option<ElevationMap> {
         let map = match &self.terrain.shape {
             Shape::Level => ElevationMap::default(),

@@ -1,4 +1,5 @@
-//! Footfall patterns for one goal: those of the motion itself, rolling, and the named gaits with several duty factors.
+//! Footfall patterns for one goal: the pattern of the motion file, rolling on all wheels, and the named gaits with several duty
+//! factors.
 
 use super::footfall::{GAITS, gait_columns};
 use super::phases::{Swing, stance_of};

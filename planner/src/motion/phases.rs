@@ -99,7 +99,7 @@ pub(super) struct Swing {
 pub(super) const CYCLES: &str = "cycles";
 /// Maximum number of cycles.
 const CYCLES_MAX: u32 = 100;
-/// Duration for which a motion of several cycles stands at each end, over that of a cycle.
+/// Standing time at each end of a motion of several cycles / duration of a cycle.
 const STAND: f64 = 0.25;
 
 /// Stance flags of one cycle, or of a number of cycles between two stands.
@@ -118,7 +118,7 @@ pub(super) fn cycles(table: &Table<'_>) -> Option<Option<u32>> {
     }
 }
 
-/// Stance flags `[sample][end effector]` of a motion that stands, makes some cycles, and stands. Each swing is whole.
+/// Stance flags `[sample][end effector]` of a motion that stands, repeats a cycle, and stands. No end cuts a swing.
 fn repeated(swings: &[Swing], samples: usize, cycles: u32) -> Vec<Vec<bool>> {
     let length = f64::from(cycles) + 2.0 * STAND;
     let stance_at = |sample: usize| {

@@ -10,7 +10,7 @@
 use super::{Ends, Moment, Motion, Subject};
 use std::f64::consts::PI;
 
-/// Minimum number of samples that a swing keeps off the ground if lift-off and touch-down take one sample each.
+/// Minimum number of samples between the samples of lift-off and touch-down at which a swing foot is above the ground.
 const LEAST_SWING: isize = 3;
 
 /// Contact heights along a timeline, `[timeline sample][end effector]`, m. `timeline` contains the slot of each timeline

@@ -18,7 +18,7 @@ pub enum FreeTimes {
     /// Duration and footfalls of the file.
     #[default]
     Given,
-    /// Duration of the whole motion. All its parts are stretched alike.
+    /// Duration of the whole motion. Stances and swings keep their shares of it.
     Duration,
     /// Duration of the whole motion, and times of lift-off and touch-down of each foot.
     Free,

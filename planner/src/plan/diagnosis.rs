@@ -38,7 +38,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Returns true if a second start with such a verdict ends the search.
+    /// Returns true if the search ends when two starts have this verdict.
     pub fn is_grave(self) -> bool {
         match self {
             Self::Contradiction | Self::FarOff => true,
@@ -80,7 +80,7 @@ pub struct Culprit {
 /// Name of the field for the duration, s, in a culprit. A longer duration may help to meet any constraint.
 pub const DURATION: &str = "duration_s";
 
-/// Fraction of its tolerance above which a residual is printed. Below it the constraint is met, and only pulls.
+/// Fraction of its tolerance above which the diagnosis prints a residual. Smaller residuals do not violate their constraint.
 const LEAST_SHOWN: f64 = 0.1;
 
 /// Formats a value with at most `digits` significant digits.
@@ -171,7 +171,7 @@ impl fmt::Display for Diagnosis {
         if advice.is_empty() {
             Ok(())
         } else {
-            write!(f, "what would help: {}", advice.join("; or "))
+            write!(f, "possible remedies: {}", advice.join("; or "))
         }
     }
 }

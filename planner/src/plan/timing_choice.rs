@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Times of the request, and what the planner knows of them. The plan's motion has the chosen times.
+/// Times of the request, with cost and residuals of the best plan for these times. The plan's motion has the chosen times.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TimingChoice {

@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 /// Callback after every iteration of a solve. The callback may stop the solve.
 pub(super) type ProgressCallback<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
 
-/// Effort spent on a request so far, with the callback that receives it and what its solves share.
+/// Number of iterations spent on a request so far, the callback that receives this number, and data that the solves share.
 pub(crate) struct Effort<'a> {
     /// Iterations of all completed solves.
     pub spent: usize,

@@ -39,7 +39,7 @@ const OF_ALL: usize = 300;
 const OF_STEP: usize = 60;
 /// Total iteration limit of the steps back towards the request.
 const OF_STEPS: usize = 300;
-/// Iteration limit of a step back from a near miss, which takes few iterations.
+/// Iteration limit of a solve for a value slightly smaller than one that almost converged. Such a solve needs few iterations.
 const BACK: usize = 20;
 /// Factor on the goal if no other value is feasible.
 const NEARER: f64 = 0.5;
@@ -61,8 +61,8 @@ const FAR_TOO_LOW: f64 = 0.5;
 const TRIALS_UP: usize = 5;
 /// Largest ratio of a larger goal to the largest goal that works.
 const GROWTH: f64 = 1.5;
-/// Iterations that are reserved for these trials, as a fraction of the limit of all trials, and at most. They suffice for a goal
-/// that is too far, which takes the limit of a trial, and a nearer one.
+/// Iterations reserved for these trials: as a fraction of the limit of all trials, and at most this number. They suffice for two
+/// goals: one that is too far, and a nearer one.
 const RESERVED_UP: (usize, usize) = (4, 160);
 
 /// Searches for feasible values after the solution of a request. Returns the solution and its consequence for other starts. A

@@ -75,7 +75,7 @@ impl Structures {
     }
 }
 
-/// Always equal, because results do not depend on what is kept.
+/// Equal in every case, because the stored structures do not affect results.
 impl PartialEq for Structures {
     fn eq(&self, _: &Self) -> bool {
         true

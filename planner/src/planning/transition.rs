@@ -45,8 +45,7 @@ pub enum TransitionError {
     },
     /// A motion on terrain begins or ends on uneven ground.
     #[error(
-        "transition `{name}` joins `{motion}`, whose feet stand at heights from {low_mm:.0} to \
-         {high_mm:.0} mm there; begin and end motions of a library on level parts of their terrain"
+        "at the end that transition `{name}` joins, feet of `{motion}` stand at heights from {low_mm:.0} to {high_mm:.0} mm; begin and end motions of a library on level parts of their terrain"
     )]
     Uneven {
         /// Name of the transition.

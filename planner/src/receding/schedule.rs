@@ -36,12 +36,12 @@ pub(super) struct Footfalls {
     pub height_m: Vec<Vec<f64>>,
 }
 
-/// Height below which an end effector counts as standing if the schedule requires it, m. The compliance of contacts covers this
-/// height.
+/// Height below which an end effector counts as touching the ground if the schedule requires stance, m. Contacts yield by about
+/// this height.
 const STANDS_BELOW_M: f64 = 0.003;
 
 impl Schedule {
-    /// Begins a gait at a sample, before which all end effectors stand.
+    /// Creates a schedule in which all end effectors stand, and a gait begins at sample `begun_at`.
     pub fn new(gait: Gait, begun_at: i64) -> Self {
         let earlier = vec![0..0; gait.motion.held_wheels.len()];
         Self { gait, begun_at, earlier }

@@ -29,7 +29,7 @@ pub(super) struct InitialState {
     pub before: DVector<f64>,
 }
 
-/// Samples of a gait from row `phase` on, moved with the steering.
+/// Samples of a gait from row `phase` on, displaced by the commanded velocity.
 pub(super) fn from_gait(
     problem: &Problem,
     gait: &Gait,

@@ -9,10 +9,10 @@ use super::Steering;
 
 /// Integral time, s.
 const INTEGRAL_S: f64 = 1.0;
-/// Time for which a command must be held before its error is integrated, s. Robots follow a command sooner, also at the start
-/// of a gait.
+/// Time for which a command must be constant before the velocity error is integrated, s. Robots reach their velocity sooner, also
+/// at the start of a gait.
 const SETTLES_S: f64 = 1.5;
-/// Largest relative change of a command that still counts as held.
+/// Largest relative change of a command that counts as constant.
 const HELD: f64 = 0.1;
 /// Smallest command that is corrected, m/s and rad/s. The error is divided by the command.
 const LEAST: f64 = 0.02;

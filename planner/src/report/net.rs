@@ -69,9 +69,7 @@ impl fmt::Display for UndoneGoal {
         let Self { field, goal, left } = self;
         write!(
             f,
-            "with {field} = {goal:.3}, only {left:.3} remain after a return to the initial \
-             posture: the body leans over its contacts, and the transition to another motion moves \
-             the body back"
+            "of {field} = {goal:.3}, only {left:.3} remain after a return to the initial posture: the body leans over feet and wheels that stay in place, and the next transition moves the body back"
         )
     }
 }

@@ -4,7 +4,7 @@ use crate::plan::{Plan, TimingChoice, TimingScore};
 use serde::Serialize;
 use std::fmt;
 
-/// Difference of chosen times below which they count as given, s: a tenth of a library frame.
+/// Difference between chosen and given times below which the report omits it, s: a tenth of a library frame.
 const SAME_S: f64 = 1.0 / 600.0;
 
 /// Times of a request and of its plan.
@@ -62,7 +62,7 @@ impl fmt::Display for TimingChange {
             f.write_str(" as given")?;
         }
         if let Some([given_s, chosen_s]) = swing_s.filter(|swings| differs(*swings)) {
-            write!(f, ", swings {chosen_s:.3} s instead of {given_s:.3} s in the mean")?;
+            write!(f, ", mean swing {chosen_s:.3} s instead of {given_s:.3} s")?;
         }
         let TimingScore { cost, as_played } = chosen;
         match given {

@@ -4,8 +4,8 @@ use super::PlanSpline;
 use crate::motion::Ends;
 use crate::plan::{Placement, Plan, Sample};
 
-/// Samples the plan at `rate_hz`, or at the nearest rate that divides its duration evenly. Fields keep their meaning. Speeds
-/// over intervals are means over the new intervals.
+/// Samples the plan at `rate_hz`, or at the nearest rate that divides its duration evenly. Fields have the same meaning as in the
+/// plan; speeds of intervals are means over the new intervals.
 pub fn resample(plan: &Plan, rate_hz: f64) -> Plan {
     let spline = PlanSpline::new(plan);
     let intervals = (plan.motion.duration_s * rate_hz).round().max(3.0);

@@ -26,7 +26,7 @@ const STEP: f64 = 1e-5;
 pub struct TimingPrices {
     /// Sum of the costs.
     pub cost: f64,
-    /// Change of the costs per second of the whole duration, with all parts stretched alike.
+    /// Change of the costs per second of the whole duration, if all intervals change by the same factor.
     pub duration_per_s: f64,
     /// Change of the costs per second of each interval. Their mean is [`Self::duration_per_s`].
     pub interval_per_s: Vec<f64>,
@@ -92,8 +92,8 @@ fn is_of_interval(row: &Row) -> bool {
     of_family.is_some_and(|term| term.info().span == Span::Intervals)
 }
 
-/// Index of the interval after timeline sample `t`. The interval before a period is its last one. Beyond ends at rest there
-/// is no interval, and the nearest one stands for it.
+/// Index of the interval after timeline sample `t`. Before the first sample of a period, this is the last interval of the period;
+/// beyond an end at rest, the nearest interval.
 fn interval_index(problem: &Problem, t: usize) -> usize {
     let intervals = problem.last() - 1;
     if problem.periodic { (t + intervals - 1) % intervals } else { t.clamp(1, intervals) - 1 }

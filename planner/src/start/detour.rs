@@ -14,7 +14,7 @@ use rollwalk_robot::Robot;
 const DETOURS_MAX: usize = 3;
 /// Fraction of the standing robot's height above which an obstacle is ducked under.
 const DUCK: f64 = 0.5;
-/// Ratio of the length over which the offset changes to its change.
+/// Length along the path over which the offset changes / change of the offset.
 const RAMP: f64 = 1.5;
 /// Ratio of the additional distance from obstacles to the robot's half width: corners swing out as the robot turns.
 const SLACK: f64 = 0.15;
@@ -111,8 +111,8 @@ impl Passage {
     }
 }
 
-/// Offsets at passages in ascending order. Where two are too near to each other for a steady change, the robot is at its offset
-/// only beside the middle of each.
+/// Offsets at passages in ascending order. If two passages are too close for a smooth change, the robot has the required offset
+/// only at the middle of each passage.
 fn through(mut passages: Vec<Passage>, length_m: f64) -> Offsets {
     passages.insert(0, Passage::new([0.0; 2], 0.0, length_m));
     passages.push(Passage::new([length_m; 2], 0.0, length_m));

@@ -11,7 +11,7 @@ use std::ops::ControlFlow;
 
 /// Iteration limit of a solve from a neighbour. A cold start takes fewer iterations than a distant neighbour.
 const MOST_ITERATIONS: usize = 60;
-/// Largest residual as played, as a fraction of its tolerance, up to which plans count as equally good.
+/// Fraction of the tolerance up to which a residual between samples does not matter in the comparison of plans.
 const WELL: f64 = 0.5;
 
 /// Plan with certain times.
@@ -19,7 +19,7 @@ const WELL: f64 = 0.5;
 pub struct Candidate {
     pub solution: Solution,
     cost: f64,
-    /// Report as played, once it is known: true if the plan passes the checks, and the largest residual.
+    /// Result of the checks between samples, if they have run: true if the plan passes, and its largest residual.
     played: Option<(bool, f64)>,
 }
 
@@ -151,7 +151,7 @@ impl<'a> Candidates<'a> {
         self.watched(|robot, progress| first_attempt(robot, motion, &options, progress))
     }
 
-    /// Runs a solve, whose iterations count from those of all solves so far.
+    /// Runs a solve. Its reported iteration count includes the iterations of all earlier solves.
     fn watched(
         &mut self,
         solve: impl FnOnce(&Robot, &mut dyn FnMut(&Progress) -> ControlFlow<()>) -> Solution,

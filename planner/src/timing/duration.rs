@@ -6,7 +6,7 @@
 use super::candidates::Candidates;
 use crate::motion::Motion;
 
-/// Ratio of one duration to the one before, while no plan is found.
+/// Factor between successive durations while no plan is found.
 const LONGER: f64 = 1.1;
 /// Distance of durations that are not worth another plan, as a fraction of the given duration.
 const CLOSE: f64 = 0.02;

@@ -14,7 +14,7 @@ pub struct Edit {
     pub predicted: f64,
 }
 
-/// Times at which feet lift off or touch down, with what one sample more before them changes.
+/// Lift-off and touch-down times, with the change of the costs if each occurs one sample later.
 struct Switches {
     /// Index of the sample before each switch.
     at: Vec<usize>,
@@ -45,8 +45,8 @@ impl Switches {
     }
 }
 
-/// Mean price of the intervals from `from` up to `to`, which may be beyond the end of a period. Of adjacent switches, the
-/// mean is that of the interval between them.
+/// Mean price of the intervals from `from` up to `to`, which may be beyond the end of a period. If `from` equals `to`, the price
+/// of this interval.
 fn mean(prices: &TimingPrices, from: usize, to: usize) -> f64 {
     let intervals = prices.interval_per_s.len();
     let length = (to + intervals - from % intervals) % intervals;
@@ -192,7 +192,7 @@ fn is_allowed(given: &Motion, stance: &[Vec<bool>]) -> bool {
         })
 }
 
-/// Lengths of the stances and swings of a foot. A run across the end of a period is one.
+/// Lengths of the stances and swings of a foot, in samples. A swing or stance across the end of a period counts as one.
 fn runs(stance: &[Vec<bool>], j: usize, periodic: bool) -> Vec<(bool, usize)> {
     let mut runs: Vec<(bool, usize)> = Vec::new();
     for flags in stance {

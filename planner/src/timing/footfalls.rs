@@ -4,7 +4,7 @@ use super::candidates::Candidates;
 use super::duration;
 use super::edits::{edits, longer_swings};
 
-/// Relative decrease of the costs that an edit must reach. Smaller ones are within the accuracy of a solve.
+/// Smallest relative decrease of the costs for which an edit is kept. Smaller decreases are within the accuracy of a solve.
 const GAIN: f64 = 0.005;
 /// Maximum number of edits that are tried.
 const MOST: usize = 32;

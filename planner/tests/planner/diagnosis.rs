@@ -123,7 +123,8 @@ fn long_walk() -> Plan {
     plan(&robot, &motion)
 }
 
-/// Steps from plan to plan towards a far goal end early, at 0.3 m. Cold starts find plans for larger goals.
+/// Tests a far goal that continuation from plan to plan does not reach: it ends at 0.3 m. Cold starts find plans for larger
+/// goals.
 #[test]
 #[ignore = "ten seconds and more: cargo xtask nightly --only long"]
 fn the_suggested_distance_of_a_trot_is_not_far_too_low() {

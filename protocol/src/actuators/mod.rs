@@ -164,7 +164,7 @@ pub enum UpdatePolicy {
     EverySetpoint,
     /// Sent once, in a separate command.
     Stored,
-    /// Never sent, or sent in other units than those of this crate.
+    /// The controller never sends the value, or the drive has units of its own for it.
     Never,
 }
 
@@ -184,7 +184,7 @@ pub enum Answers {
 /// Reaction of an actuator's watchdog to missing commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Watchdog {
-    /// Stops, and stays stopped until it is cleared.
+    /// The drive stops, and remains stopped until an operator clears the fault.
     Latches,
     /// Switches torque off until the next set-point. The controller has to latch the timeout.
     Resumes,

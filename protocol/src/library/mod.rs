@@ -81,7 +81,7 @@ pub const MAX_TRANSITIONS: usize = 96;
 pub const MAX_CLIPS: usize = MAX_MOTIONS + MAX_TRANSITIONS;
 /// Maximum length of a clip, frames: one minute. Fits in the 12 bits of a status message.
 pub const MAX_CLIP_FRAMES: u16 = 3600;
-/// Number of frames from one keyframe, where decoding can start, to the next.
+/// Number of frames from one keyframe to the next. Decoding can start at a keyframe.
 pub const BLOCK_FRAMES: u16 = 60;
 /// Maximum length of a motion's name, bytes of UTF-8.
 pub const MAX_NAME: usize = 32;

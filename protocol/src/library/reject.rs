@@ -150,7 +150,7 @@ pub enum RejectReason {
         found: u16,
     },
     /// A section extends beyond the end of the file.
-    #[error("a section reaches beyond the end of the file")]
+    #[error("a section extends beyond the end of the file")]
     SectionBeyondEnd,
     /// A section is out of order, repeated, unknown to this minor version, or of a wrong size.
     #[error("section {tag} is out of order, repeated, unknown or has a wrong size")]

@@ -10,7 +10,7 @@ use super::view::Track;
 use super::{MAX_MOTIONS, MAX_NAME, MAX_TRANSITIONS, NodeId};
 
 impl Validation<'_> {
-    /// Checks that transitions join existing motions without a gap, at frames where these can be left and entered.
+    /// Checks that transitions join existing motions without a gap, at frames at which a motion may be left or entered.
     pub fn edges(&self) -> Result<(), Reject> {
         for id in self.library.edges() {
             let fail = |why| self.fail(Section::Edges, usize::from(id.0), why);

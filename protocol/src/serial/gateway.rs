@@ -39,8 +39,8 @@ impl Gateway {
         whole.then(|| Packet::Message { id, bytes: self.endpoint.received() })
     }
 
-    /// Accepts a message from the line; [`Self::poll`] returns its frames. The message supersedes an earlier one with pending
-    /// frames, because its sender has abandoned that one.
+    /// Accepts a message from the line; [`Self::poll`] returns its frames. Drops the remaining frames of an earlier message,
+    /// which its sender has abandoned.
     pub fn receive(&mut self, id: u16, message: &[u8]) {
         if let Some(ours) = partner(id) {
             self.use_id(ours);

@@ -199,7 +199,7 @@ fn unusable_configuration() {
 fn broken_section_table() {
     expect(refusal(|b| b[HEADER] = 2), Section::Table, "section 2 is out of order, repeated");
     expect(refusal(|b| b[HEADER + 2] = 0), Section::Table, "section 1 is out of order");
-    expect(refusal(|b| b[HEADER + 7] = 0xFF), Section::Table, "reaches beyond the end");
+    expect(refusal(|b| b[HEADER + 7] = 0xFF), Section::Table, "extends beyond the end");
     let missing = refusal(|bytes| {
         let names = section(bytes, 9);
         bytes.drain(names.start - 8..names.end);

@@ -241,8 +241,8 @@ impl Clearance {
         &self.points
     }
 
-    /// Points between the ends of capsules, at most a distance apart. A limb can be above an edge with both ends and cut it
-    /// between them.
+    /// Points between the ends of capsules, at most `spacing_m` apart. Both ends of a limb can be above an edge that the middle
+    /// of the limb cuts.
     pub fn points_between(&self, spacing_m: f64) -> Vec<GroundPoint> {
         let along = |&[from, to]: &[usize; 2]| {
             let [from, to] = [from, to].map(|index| &self.points[index]);

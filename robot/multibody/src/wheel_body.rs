@@ -48,7 +48,7 @@ pub fn spinning_wheels(robot: &Robot, link: usize) -> Vec<(usize, RigidPart)> {
     }
 }
 
-/// Rest of a link without some of its parts.
+/// Mass properties of a link without some of its parts.
 pub fn rest_of_link<'p>(
     robot: &Robot,
     link: usize,

@@ -257,8 +257,8 @@ impl<'t> Document<'t> {
             first: Box::new(Fault::new(
                 self.text,
                 0..0,
-                "the file was rejected without a reason",
-                "somewhere in here",
+                "the reader of the file refused it without a reason",
+                "in this part of the file",
                 "please report this file as a bug",
             )),
             rest: Vec::new(),

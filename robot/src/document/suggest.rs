@@ -111,7 +111,7 @@ fn is_model(name: &str) -> bool {
     has(char::is_ascii_digit) && has(char::is_ascii_uppercase)
 }
 
-/// Known name that shares more of the given words than any other name.
+/// Known name that has more words in common with the given name than any other known name.
 fn sharing<'a>(words: &[&str], known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let shared = |name: &str| {
         let same = |word: &&str| word.len() >= WORD_MIN && words.contains(word);

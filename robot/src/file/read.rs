@@ -126,7 +126,7 @@ struct Reader<'r, 'd> {
     /// Parts of each link.
     parts: Vec<Vec<Solid>>,
     places: ItemTables<'d>,
-    /// Limbs with a joint on the link that carries them.
+    /// Limbs whose first joint is on the link that carries the limb.
     placed: HashSet<String>,
     /// Ratios of coupled servos, by joint.
     couplings: Vec<(usize, Table<'d>, Vec<NamedRatio>)>,

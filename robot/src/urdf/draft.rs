@@ -30,7 +30,7 @@ pub(super) struct Draft {
 pub(super) struct DraftSheet {
     pub name: String,
     pub sheet: Sheet,
-    /// Span of its table in the side file.
+    /// Text span of the end effector's table in the side file.
     pub side: Span,
 }
 

@@ -285,7 +285,7 @@ impl Reader<'_, '_> {
             if matches!(kind, Kind::Revolute | Kind::Continuous | Kind::Prismatic) {
                 self.notes.warn(
                     &tag(node),
-                    format!("joint `{name}` has no <axis>, so [1, 0, 0] counts, the default of URDF; write <axis xyz=\"…\"/>"),
+                    format!("joint `{name}` has no <axis>, so the import uses [1, 0, 0], the default of URDF; write <axis xyz=\"…\"/>"),
                 );
             }
             return Some(Vector3::x_axis());

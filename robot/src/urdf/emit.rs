@@ -20,7 +20,7 @@ pub(super) fn emit(draft: &Draft, sources: [&str; 2]) -> Emitted {
     let mut out = Emitted { text: String::new(), origins: Vec::new() };
     let [urdf, side] = sources.map(comment);
     out.line(format_args!("# Imported from {urdf} with {side} by `rollwalk robot import`."));
-    out.line("# Links and joints: from the model, what is rigid merged. Limits, torques and speeds: from the model");
+    out.line("# Links and joints: from the model, rigidly connected links merged. Limits, torques and speeds: from the model");
     out.line("# unless the side file says otherwise. Gains, armature, nominal pose, end effectors: side file or");
     out.line("# defaults. Format: docs/robot-files.md; defaults: docs/urdf-import.md.");
     out.line(format_args!("\nname = {}", quoted(&draft.name)));

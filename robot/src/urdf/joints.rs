@@ -102,7 +102,7 @@ pub(super) fn ranges<'a>(
     if let Some((first, _)) = unposed.first() {
         let names = some_names(unposed.iter().map(|(joint, _)| &joint.name));
         let shown: Vec<_> = unposed.iter().take(4).map(|(_, angle)| show(*angle)).collect();
-        notes.warn(&first.span, format_args!("joint {names}: the side file has no `nominal_rad`, so the angle nearest to 0 within the limits counts, {} rad; give `nominal_rad` under [joint]", shown.join(", ")));
+        notes.warn(&first.span, format_args!("joint {names}: the side file has no `nominal_rad`, so the import uses the angle nearest to 0 within the limits, {} rad; give `nominal_rad` under [joint]", shown.join(", ")));
     }
     ranges
 }
@@ -184,7 +184,7 @@ impl<'a> Reader<'a, '_, '_> {
         }
         if let Some(first) = self.endless.first() {
             let names = some_names(self.endless.iter().map(|joint| &joint.name));
-            self.notes.warn(&first.span, format_args!("joint {names}: no position limits within a turn, so ±2π counts; give `position_min_rad` and `position_max_rad` in the side file if the range is smaller"));
+            self.notes.warn(&first.span, format_args!("joint {names}: no position limits within a turn, so the import uses ±2π rad; give `position_min_rad` and `position_max_rad` in the side file if the range is smaller"));
         }
     }
 }

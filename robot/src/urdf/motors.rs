@@ -186,7 +186,7 @@ impl<'s> Motors<'s> {
         }
     }
 
-    /// Warns of each remark once, with its joints.
+    /// Prints each remark once, with the names of all joints that it concerns.
     pub fn remark(self, notes: &mut Notes<'_>) {
         for (message, about) in self.remarks {
             let names: Vec<_> = about.iter().take(4).map(|(_, name)| format!("`{name}`")).collect();

@@ -115,7 +115,7 @@ fn check_moving(rigid: &Rigid, urdf: &Urdf, graph: &Graph, tree: &Tree, notes: &
         }
         let name = key(&joint.name);
         if on_wheel.contains(&parent) {
-            let message = format!("joint `{}` moves something on a wheel", joint.name);
+            let message = format!("joint `{}` moves a link that is part of a wheel", joint.name);
             let help =
                 format!("lock the joint in the side file, [lock] {name} = 0.0: wheels are rigid");
             notes.fault(joint.span.clone(), message, "behind a wheel", help);

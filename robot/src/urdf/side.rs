@@ -80,7 +80,7 @@ pub(super) struct EndEffectorSide {
     pub radius_m: f64,
     pub friction: f64,
     pub axis: Option<Vector3<f64>>,
-    /// Numbers of its kind of contact in the spelling of robot files.
+    /// Numeric keys of the end effector's kind of contact, as in robot files.
     pub numbers: Vec<(&'static str, f64)>,
     pub motor: MotorSide,
 }

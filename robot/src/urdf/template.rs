@@ -32,7 +32,7 @@ const HEAD: &str = "\
 ";
 
 const ACTUATORS: &str = "
-# Values that the model lacks. Without them defaults hold.
+# Values that the model lacks. Without them the import uses defaults.
 [actuator.default]
 # model = \"…\"
 # speed_max_rad_s = 10.0
@@ -104,7 +104,7 @@ fn actuators(text: &mut String, side: &Side) {
 fn locks(text: &mut String, content: &Content<'_>) {
     let locks = &content.draft.locks;
     if !locks.is_empty() {
-        *text += "\n# Joints that become rigid, at this position, rad or m: those that a robot file cannot have, passive ones,\n# or those beyond the channels of a controller.\n[lock]\n";
+        *text += "\n# Joints that become rigid at the given position (rad, m): joints that robot files do not support, passive joints,\n# and joints beyond the number of channels of a controller.\n[lock]\n";
     }
     for &(joint, position) in locks {
         let joint = &content.urdf.joints[joint];
@@ -188,7 +188,7 @@ fn guessed_end(text: &mut String, content: &Content<'_>, end: &End, name: &str) 
 }
 
 fn base_end(text: &mut String, content: &Content<'_>, base: &Base) {
-    *text += "\n# Nothing looks like a foot or a wheel: this point below the body only lets the robot import. Replace it.";
+    *text += "\n# No part looks like a foot or a wheel. The import needs at least one: replace this point below the body by your feet or wheels.";
     begin_end(text, "base", "point_foot");
     line(text, format_args!("link = {}", quoted(&content.urdf.links[base.link].name)));
     line(text, format_args!("center_in_link_m = {}", array(base.center_m.as_slice())));

@@ -33,7 +33,7 @@ pub(super) fn graph(urdf: &Urdf, notes: &mut Notes<'_>) -> Option<Graph> {
     let mut link_index = HashMap::new();
     for (index, link) in urdf.links.iter().enumerate() {
         if link_index.insert(link.name.clone(), index).is_some() {
-            let message = format!("link `{}` is there twice", link.name);
+            let message = format!("the model has two links `{}`", link.name);
             notes.fault(link.span.clone(), message, "second", "give every link its own name");
         }
     }
@@ -43,7 +43,7 @@ pub(super) fn graph(urdf: &Urdf, notes: &mut Notes<'_>) -> Option<Graph> {
     let mut leaving = vec![Vec::new(); urdf.links.len()];
     for (index, joint) in urdf.joints.iter().enumerate() {
         if names.insert(&joint.name, index).is_some() {
-            let message = format!("joint `{}` is there twice", joint.name);
+            let message = format!("the model has two joints `{}`", joint.name);
             notes.fault(joint.span.clone(), message, "second", "give every joint its own name");
         }
         let [parent, child] =

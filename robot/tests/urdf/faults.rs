@@ -119,7 +119,7 @@ fn joints_that_robot_files_do_not_have() {
     let unlocked = edited(SIDE, "mast = 0.15", "");
     refused(URDF, &unlocked, &["rover.urdf", "`mast` is prismatic", "[lock] mast = 0.0"]);
     let behind = edited(SIDE, "wheel_joint = \"left_axle\"", "wheel_joint = \"left_arm\"");
-    refused(URDF, &behind, &["rover.urdf", "`left_axle` moves something on a wheel"]);
+    refused(URDF, &behind, &["rover.urdf", "`left_axle` moves a link that is part of a wheel"]);
 }
 
 #[test]

@@ -15,11 +15,11 @@ const OVERTAKEN_WITHIN: SimTime = SimTime::from_ms(100);
 pub enum StreamFault {
     /// Loses this fraction of the frames, ‰.
     Lose(u16),
-    /// Repeats this fraction of the frames, ‰, once within a time.
+    /// Repeats the given fraction of the frames (‰) once, within the given time.
     Repeat(u16, SimTime),
-    /// Delays half of the frames until up to this number of later frames have overtaken them.
+    /// Delays half of the frames until later frames have overtaken them, at most the given number.
     Reorder(u32),
-    /// Delays each frame by a random time between these two. Unless they are equal, frames overtake each other.
+    /// Delays each frame by a random time between the two given times. If the two times differ, frames overtake each other.
     Delay(SimTime, SimTime),
     /// Flips one to four bits of the payload in this fraction of the frames, ‰.
     Damage(u16),

@@ -105,7 +105,7 @@ impl<'a> Board<'a> {
         actuators: Vec<Port>,
     ) -> Self {
         let most = usize::from(MAX_ACTUATOR_BUSES);
-        assert!(actuators.len() <= most, "a controller has so many at most");
+        assert!(actuators.len() <= most, "at most as many as a controller supports");
         let hub = Hub::new(iter::once(link).chain(actuators));
         let bus = |index| {
             let interface = number(index).map_or(Interface::Link, Interface::Actuator);

@@ -116,8 +116,8 @@ fn motions(catalog: &Catalog) -> Vec<PlayableMotion> {
     catalog.motions.iter().map(motion).collect()
 }
 
-/// Poses of all bodies. A simulated robot has its actual pose; a real one has its measured joint angles and the nominal
-/// standing pose of its body.
+/// Poses of all bodies: the actual poses of a simulated robot; for a real robot, measured joint angles with the body in its
+/// nominal standing pose.
 fn poses(view: &View, robot: &Robot, simulated: Option<&Simulated>) -> Vec<[f64; 7]> {
     let tree = Tree::new(robot);
     let mut joint_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();

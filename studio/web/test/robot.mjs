@@ -140,7 +140,7 @@ export async function outlivesBusyPage(studio) {
   assert.equal(await studio.state("link.view.torque"), true, await messages());
   await busy(studio, 3000);
   await until(() => !globalThis.studio.link.view.torque);
-  assert.match(await messages(), /the controls do not respond/);
+  assert.match(await messages(), /the page or terminal does not respond/);
   assert.match(await messages(), /heartbeat lost/);
 }
 

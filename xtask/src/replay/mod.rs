@@ -190,12 +190,12 @@ impl Replay {
         let disturbed = self.run(&disturbed, &plans, "disturbed.json");
         // Level runs decide whether a motion holds. The undisturbed runs among the others are equal, but shorter.
         for (mut run, decides) in [(level, must_hold), (disturbed, false)] {
-            // Exit code 1: a motion does not hold.
+            // Exit code 1: a motion fails in MuJoCo.
             let status = run.status().map_err(|error| format!("python3: {error}"))?;
             match status.code() {
                 Some(0) => {}
                 Some(1) if !decides => {}
-                _ => return Err("tests/replay failed, or a motion does not hold".to_owned()),
+                _ => return Err("tests/replay failed, or a motion fails in MuJoCo".to_owned()),
             }
         }
         Ok(plans)

@@ -86,7 +86,7 @@ fn one(replay: &Replay, folder: &Path, motion: &str, share: f64) -> Result<Value
         let _ = fs::remove_dir_all(folder.join("after"));
         let args = ["retarget", "motions.toml", "--robot", "soft.toml", "--no-feed-forward"];
         let found = run(&[&args[..], &["-o", "after"]].concat())?;
-        // Exit code 3: a motion does not hold after the correction.
+        // Exit code 3: a motion fails in simulation after the correction.
         if !matches!(found.status.code(), Some(0 | 3)) {
             return Err(format!("rollwalk retarget: {}", String::from_utf8_lossy(&found.stderr)));
         }

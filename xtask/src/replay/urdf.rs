@@ -26,7 +26,7 @@ pub fn replayed(replay: &Replay, urdf: &Path) -> Result<PathBuf, String> {
     let PlannedRobot { stem, robot, plans } = planned(replay, urdf)?;
     let json = format!("{stem}/results.json");
     let options = ["--feed-forward", "both", "--robot", &robot];
-    // Exit code 1: a motion does not hold, as the table shows.
+    // Exit code 1: a motion fails in MuJoCo, as the table shows.
     let status = replay.run(&options, &plans, &json).status();
     match status.map(|status| status.code()) {
         Ok(Some(0 | 1)) => Ok(replay.out.join(json)),

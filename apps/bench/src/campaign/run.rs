@@ -40,7 +40,8 @@ const MAX_FRAME_DELAY: SimTime = SimTime::from_ms(200);
 const FLASH_LOSS_FOR: SimTime = SimTime::from_ms(20_000);
 /// Maximum time of a transfer from the start of the fault.
 const FLASH_WITHIN: SimTime = SimTime::from_ms(30_000);
-/// Loss above which the operator can only stop the robot, per mille. Such a loss starts with the fault.
+/// Frame loss above which an operator can stop the robot but not arm it, per mille. Runs begin without such a loss; it starts
+/// with the fault.
 const HOPELESS: u16 = 500;
 /// Duration of such a loss.
 const HOPELESS_FOR: SimTime = SimTime::from_ms(20_000);

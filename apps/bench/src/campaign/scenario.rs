@@ -15,7 +15,7 @@ use rollwalk_sim_host::rig::Adapter;
 /// Kind of disturbance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Scenario {
-    /// Loss of the case, without another disturbance.
+    /// Random frame loss only, without another disturbance.
     Loss,
     /// Repeated link frames.
     Repeats,
@@ -57,7 +57,7 @@ pub enum Scenario {
     EStop,
     /// Library transfer during one of the disturbances of the link.
     Flash,
-    /// Several of these disturbances, consecutive and simultaneous, with one event of the host.
+    /// Several of these disturbances, one after the other or at the same time, and one host event: end, stall or emergency stop.
     Chaos,
 }
 

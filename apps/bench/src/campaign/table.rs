@@ -13,7 +13,7 @@ pub struct Row {
     pub outcomes: BTreeMap<Reaction, u64>,
     /// Number of runs with violations or errors.
     pub broken: u64,
-    /// Numbers of lost frames, and of disturbances by other faults.
+    /// Number of lost frames, and number of effects of all other faults.
     pub fired: [u64; 2],
     pub setpoints: u64,
     pub commands: u64,

@@ -150,7 +150,7 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
             of_place / task.cost(&pulled.fit.parameters)?,
         ),
         Check::new(
-            &format!("distance where a metre counts as {} rad, mm", WEIGHTS.map(short).join(", ")),
+            &format!("distance, with 1 m weighted like {} rad, mm", WEIGHTS.map(short).join(", ")),
             "",
             "",
             &weighed_mm.join(", "),

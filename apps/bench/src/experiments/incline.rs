@@ -110,8 +110,7 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
             "(height of {model:?} − height of linear) / depth of {} m",
             short(linear.depth_m)
         );
-        let why = "held nodes keep the strain of the puck at rest, as by Coulomb's law, and \
-            creeping nodes release it, as the next rows show";
+        let why = "with Coulomb friction the puck stays strained at rest; with creeping contacts the strain relaxes, as the next rows show";
         outcome.checks.push(Check::at_most_known(&what, "imperceptible", away, 0.01, (0.03, why)));
     }
     let hybrid = &runs[2].2;
@@ -178,7 +177,7 @@ fn compare(outcome: &mut ExperimentOutcome, watch: &dyn Watch) -> Option<()> {
         Check::at_most("largest friction / its limit, SQP", "1", exact.friction, 1.0 + 1e-6),
         Check::at_most("largest residual, N, SQP", "", exact.residual, 1e-8),
         Check::at_most(
-            "largest mean of gaps or depths where it is carried, m, SQP",
+            "largest mean gap or depth of loaded contacts, m, SQP",
             "0",
             exact.depth_m,
             1e-6,

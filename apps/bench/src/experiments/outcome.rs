@@ -26,7 +26,7 @@ pub struct Check {
     pub found: String,
     /// True if the value meets its requirement; `None` for values without a requirement.
     pub holds: Option<bool>,
-    /// Reason for a known miss of the requirement; empty for other values.
+    /// Known reason why the value misses its requirement; empty if there is none.
     pub why: String,
     /// Largest value that is accepted although it misses the requirement; `None` if the requirement should be met.
     pub known: Option<f64>,

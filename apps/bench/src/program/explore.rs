@@ -28,7 +28,7 @@ const FIGURE: &str = "results.svg";
 /// The sweep runs on all cores. Every result is written at once, so that after Ctrl-C, or on another machine, the same command
 /// continues. Shards (--shard 2/5) share the folder, or their folders are merged. The tables do not depend on the split. The
 /// run that finds no work left writes results.csv, and results.svg, a figure of one quantity. A sweep with [dataset] also writes
-/// motion data for learning, an .npz file for each motion that holds.
+/// motion data for learning, an .npz file for each motion that passes the simulation.
 #[derive(clap::Args)]
 #[command(mut_arg("engine", |engine| engine.visible_alias("on")), after_long_help = "\
 Examples:
@@ -204,7 +204,7 @@ fn finish(args: &Args, ready: &LoadedSweep, rows: &[&Row]) -> miette::Result<Exi
         output::print(&format!("wrote {hold} motions into {}", folder.join(MOTIONS).display()))?;
     }
     output::print(&format!(
-        "{} rows, {hold} of which hold\nwrote {} and {FIGURE}",
+        "{} rows; {hold} motions pass the simulation\nwrote {} and {FIGURE}",
         rows.len(),
         folder.join(CSV).display()
     ))?;

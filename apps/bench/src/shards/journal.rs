@@ -110,7 +110,7 @@ impl Journals<'_> {
             Some(read) if read.header == self.header => Ok(Some(read)),
             Some(JournalContents { header, .. }) => Err(miette!(
                 help = "give another folder, or remove the journals in this folder",
-                "{} is a journal of other work, {} of version {}: {}",
+                "{} is the journal of another run, {} of version {}: {}",
                 path.display(),
                 header.work,
                 header.version,

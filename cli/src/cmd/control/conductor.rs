@@ -85,7 +85,7 @@ pub struct Conductor<'p> {
     first: Option<u64>,
     /// Number of the most recent sample.
     last: u64,
-    /// True once an early end is requested.
+    /// True if the operator has requested an early end.
     stops: bool,
     /// Most recent reason why the robot was not tracked.
     why: Option<TrackingError>,
@@ -219,8 +219,7 @@ impl<'p> Conductor<'p> {
             (Phase::Beginning, State::Ready) => {
                 let text = format!(
                     "the controller does not accept setpoints in closed loop at {} samples/s. Give \
-                     its control rate with --rate (120 on our boards); a controller with an \
-                     owner's key never accepts setpoints",
+                     its control rate with --rate (120 on our boards); a controller with a library key never accepts setpoints",
                     self.tracking.rate_hz
                 );
                 operator.notify(now_us, Weight::Warning, text);
@@ -288,7 +287,7 @@ impl<'p> Conductor<'p> {
             self.tally.lost = lost;
             if rate_hz != self.tracking.rate_hz && self.phase == Phase::Standing {
                 let text =
-                    format!("the controller takes {rate_hz} samples/s: give --rate {rate_hz}");
+                    format!("the controller sends {rate_hz} samples/s: give --rate {rate_hz}");
                 operator.notify(now_us, Weight::Refused, text);
                 return self.end(now_us, operator);
             }
@@ -297,7 +296,8 @@ impl<'p> Conductor<'p> {
         let (laws, untracked) = self.tick(measured);
         let lost_contacts = self.planned_contacts && self.contacts.is_some();
         if lost_contacts && !std::mem::replace(&mut self.said_contacts, true) {
-            let text = "the contact switches send no data any more: the planned contacts are used";
+            let text =
+                "the contact switches no longer send data: tracking uses the planned contacts";
             operator.notify(now_us, Weight::Warning, text);
         }
         self.tally.answered += 1;

@@ -156,7 +156,7 @@ fn holds(planned: &TimedPlan) -> miette::Result<&Plan> {
     if plan.solve.status != Status::Converged {
         return Err(miette!(
             help = "find the reason with `rollwalk library build`",
-            "the plan of `{}` does not hold",
+            "the plan of `{}` fails its checks",
             plan.motion.name
         ));
     }

@@ -305,7 +305,7 @@ fn contact_switches_that_are_lost_give_way_to_planned_contacts() {
     assert!((way - 1.0).abs() < 0.05, "{way}");
     assert!(bench.conductor.tally().complete && bench.falls() == 0);
     let messages = bench.operator.view(bench.now_us()).messages;
-    let warns = |text: &str| text.contains("contact switches send no data");
+    let warns = |text: &str| text.contains("contact switches no longer send data");
     assert!(messages.iter().any(|message| warns(&message.text)), "{messages:?}");
 }
 

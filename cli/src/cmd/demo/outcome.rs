@@ -240,14 +240,16 @@ fn bounds(clips: &[Clip], levels: &Levels, config: &RobotConfig, is_on_ground: b
         bound("angular dynamics of the plans", "N·m", levels.angular, |clip| clip.dynamics_nm),
         bound("slip of wheels and feet in the plans", "mm/s", levels.slip, |clip| clip.slip_mm_s),
         residuals,
-        bound("plan against command, joints", "rad", COMMAND_JOINT_RAD, |c| c.command_joint_rad),
-        bound("plan against command, wheels", "rad/s", wheel_step_rad_s, |clip| {
+        bound("difference between plan and command, joints", "rad", COMMAND_JOINT_RAD, |c| {
+            c.command_joint_rad
+        }),
+        bound("difference between plan and command, wheels", "rad/s", wheel_step_rad_s, |clip| {
             clip.command_wheel_rad_s
         }),
-        bound("command against motor, joints", "rad", tracking_joint_rad, |clip| {
+        bound("difference between command and motor, joints", "rad", tracking_joint_rad, |clip| {
             clip.tracking_joint_rad
         }),
-        bound("command against motor, wheels", "rad/s", wheel_step_rad_s, |clip| {
+        bound("difference between command and motor, wheels", "rad/s", wheel_step_rad_s, |clip| {
             clip.tracking_wheel_rad_s
         }),
         bound("setpoints later than their control period", "", 0.0, |clip| {

@@ -94,8 +94,8 @@ const LEGEND: &str = "\
 iter, time      optimiser iterations and wall time, from scratch
 dynamics, slip  largest residual of the equations of motion and of rolling, recomputed from the plan
 size            bytes of the clip in the library
-command error   plan against the setpoints on the bus: joints, wheels
-tracking error  setpoints on the bus against the motors: joints, wheels
+command error   difference between the plan and the setpoints on the bus: joints, wheels
+tracking error  difference between the setpoints on the bus and the motors: joints, wheels
 bus             load of the fullest bus while the clip was played";
 
 fn cells(clip: &Clip) -> [String; 13] {

@@ -136,8 +136,7 @@ fn plan_original(designed: &Designed, watch: &mut Seen<'_>) -> miette::Result<Pl
     if let Some(beyond) = designed.beyond() {
         let names: Vec<&str> = designed.file.parameters.iter().map(|of| of.name.as_str()).collect();
         let why = format!(
-            "the original robot cannot do its motions, so there is no plan to start from: first \
-             change {} with `rollwalk design edit`, which requires no plan",
+            "no plan was found for a motion of the original robot, but this command starts from such plans: first change {} with `rollwalk design edit`",
             names.join(" or ")
         );
         return Err(Report::new(beyond.clone()).wrap_err(why));

@@ -70,7 +70,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         None if repairs.is_empty() => {
             return Err(miette!(
                 help = "add [goal] with minimise = { peak_joint_speed = 1.0 }; docs/design.md lists the quantities",
-                "design `{}` has no [goal], and its robot can do all motions without changes",
+                "design `{}` has no [goal], and all its motions are feasible without changes",
                 designed.file.name
             ));
         }
@@ -85,8 +85,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let mut after = designed.round_to_steps(last, &predicted, watch).map_err(report)?;
     if !after.all_hold() && last.all_hold() {
         output::print_line(
-            "after rounding to the steps of the parameters, no robot near the optimum can do the \
-             motions: give finer steps",
+            "rounding the parameters to their steps makes a motion infeasible: give finer steps (`step_m` and similar keys)",
         );
     }
     let mut is_better = None;

@@ -468,7 +468,9 @@ impl DesignOutput {
                 true => "the robot is unchanged",
                 false => "the repaired robot is written",
             };
-            parts.push(format!("no better design was found within the bounds: {stays}"));
+            parts.push(format!(
+                "no better design was found within the bounds of the parameters: {stays}"
+            ));
         }
         parts.extend(self.lost.iter().map(|lost| format!("during the optimisation: {lost}")));
         parts.join("\n\n")

@@ -20,7 +20,7 @@ const AXES: [&str; 3] = ["ABS_Y-", "ABS_X-", "ABS_RX-"];
 pub enum KeyAction {
     /// The steering changed.
     Steered,
-    /// Stop, go to SAFE, then do what follows.
+    /// Stop the robot, return it to SAFE, then take the given action.
     Stop(ActionAfterStop),
     /// Request for the robot.
     Intent(Intent),
@@ -33,7 +33,7 @@ pub struct Controls {
     steps: [f64; 3],
     /// True if the robot has a gait to walk in.
     has_gait: bool,
-    /// True if the robot drives on its wheels although it could walk.
+    /// True if the operator has selected driving on wheels for a robot that also has a gait.
     rolls: bool,
     /// Previous key, and its time, µs.
     last: Option<(KeyCode, u64)>,

@@ -100,14 +100,18 @@ fn sentence(combined: &CombinedQuantity, outcome: &IdentificationOutcome) -> Str
         QuantityVerdict::Changed if is_along => {
             "fitted; robot files do not contain this parameter".to_owned()
         }
-        QuantityVerdict::Agrees if is_along => "agrees with other simulations".to_owned(),
+        QuantityVerdict::Agrees if is_along => {
+            "within the usual range of simulated robots".to_owned()
+        }
         QuantityVerdict::Vague | QuantityVerdict::Absurd if is_along => {
             "uncertain; fitted only because it affects other parameters".to_owned()
         }
         QuantityVerdict::Changed => "changed".to_owned(),
         QuantityVerdict::Agrees => "agrees with the file, which is unchanged".to_owned(),
         QuantityVerdict::Vague => "too uncertain: the file is unchanged".to_owned(),
-        QuantityVerdict::Absurd => "implausible: another property must differ, too".to_owned(),
+        QuantityVerdict::Absurd => {
+            "implausible: a property that was not fitted probably differs".to_owned()
+        }
     };
     match outcome.names(combined)[..] {
         [only] if outcome.fits.len() > 1 => {

@@ -58,7 +58,7 @@ struct BuildOutput<'a> {
     plans: Vec<PlanOutcome<'a>>,
     /// Motions and transitions in the order of simulation; null without a simulation.
     simulation: Option<&'a planned::Simulation>,
-    /// Goals of motions at rest that their transitions undo.
+    /// Messages about goals of motions at rest that the next transition would undo.
     taken_back: Vec<String>,
 }
 
@@ -127,8 +127,7 @@ fn describe(
         None if !misses.is_empty() => format!(
             "{simulated}{}\nnothing written; examine a single motion with `rollwalk plan` and \
              `rollwalk simulate`. A larger `duty`, a longer duration, stiffer servos or slower \
-             transitions may help. Mark motions for feedback with `needs_feedback`, or skip this \
-             check with `--no-simulation`",
+             transitions may help. If a motion needs feedback, give the reason in `needs_feedback` of its file; `--no-simulation` skips this check",
             misses.join("\n")
         ),
         Some(path) => format!(

@@ -222,7 +222,8 @@ impl<'a> View<'a> {
         output::line(&table.render())
     }
 
-    /// Conditions of an actuator. A servo that waits for the answer of a silent one is not described as silent itself.
+    /// Conditions of an actuator. A servo that is silent only because an earlier servo on its line does not answer has no such
+    /// condition.
     fn condition(&self, joint: &JointTelemetry) -> Vec<String> {
         let is_silent = |channel: u8| {
             self.measured.get(&channel).is_some_and(|joint| joint.status.is_unanswered())

@@ -1,4 +1,4 @@
-//! Search over footfall patterns for the goal of a motion (`--search-gaits`), ranked by what holds when it is played.
+//! Search over footfall patterns for the goal of a motion (`--search-gaits`), ranked by the simulation of their plans.
 
 use super::simulated;
 use rollwalk_planner::motion::{Motion, PatternKind};
@@ -49,7 +49,7 @@ impl RankedPattern {
         }
     }
 
-    /// Rank: first what holds in simulation, then what is consistent as played, then what converged; cheap plans first.
+    /// Rank of a plan: passes the simulation, consistent as played, converged. Within a rank, plans with lower costs come first.
     fn order(&self) -> (bool, bool, bool, f64) {
         let holds = self.simulation.as_ref().is_some_and(Verdict::holds);
         (!holds, !self.consistent, self.plan.is_none(), self.cost.unwrap_or(f64::INFINITY))
@@ -61,7 +61,7 @@ impl RankedPattern {
         };
         let played = match (&self.plan, &self.simulation) {
             (None, _) => "no plan",
-            (_, Some(verdict)) if verdict.holds() => "holds in simulation",
+            (_, Some(verdict)) if verdict.holds() => "passes the simulation",
             (_, Some(_)) => "fails in simulation",
             (_, None) if self.consistent => "consistent, not simulated",
             (_, None) => "not consistent as played",

@@ -37,7 +37,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         return Err(miette!(
             help = "write the plan with `rollwalk plan`, and find where it fails with `rollwalk \
                 report`",
-            "the plan of `{name}` does not hold: {status}"
+            "the plan of `{name}` fails its checks: {status}"
         ));
     }
     let mut all = Vec::new();

@@ -305,8 +305,8 @@ fn micros(seconds: f64) -> u64 {
 mod tests {
     use super::*;
 
-    /// Returns the cycle in which a loop is left, if the controller's clock runs at `rate` times this one and its reports are
-    /// `old_s` old.
+    /// Returns the cycle after which the robot leaves a loop. `rate` is the speed of the controller's clock relative to this
+    /// clock, and `old_s` the age of its reports, s.
     fn left_in_round(wanted_s: f64, at_s: f64, rate: f64, old_s: f64, lead_s: f64) -> f64 {
         let round_s = 1.6;
         let mut playing = Loop::new(round_s, at_s, wanted_s, false);

@@ -61,7 +61,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     if args.tracking {
         return Err(miette!(
             help = "leave out this option, or simulate a plan",
-            "--tracking is for plans: the firmware plays a library without feedback of the body"
+            "--tracking is for plans: the firmware plays libraries in open loop"
         ));
     }
     if args.mass != 1.0 || args.friction.is_some() || args.contact_stiffness != 1.0 {
@@ -124,7 +124,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 }
 
 impl Document {
-    /// Motions that miss the goals of their plans, except those that need feedback.
+    /// Motions that miss the goals of their plans and do not need feedback.
     fn missed(&self) -> impl Iterator<Item = (&str, &str)> {
         self.travels.iter().filter_map(|Row { name, plan, .. }| {
             let plan = plan.as_ref().filter(|plan| !plan.needs_feedback)?;
@@ -183,7 +183,7 @@ fn describe(document: &Document) -> String {
         document.session_s
     );
     for (name, miss) in document.missed() {
-        text += &format!("\n{name} does not hold in simulation: {miss}");
+        text += &format!("\n{name} fails in simulation: {miss}");
     }
     if document.travels.iter().all(|row| row.plan.is_none()) {
         text += "\nno verdict on the motions: their plans are known only on the computer where \

@@ -146,8 +146,8 @@ fn describe(plan: &Plan, outcome: &RunOutcome) -> String {
         let _ = writeln!(text, "tracking failed: the robot stopped at {time_s:.2} s");
     }
     let _ = match outcome.miss() {
-        None => writeln!(text, "holds in simulation"),
-        Some(miss) => writeln!(text, "does not hold in simulation: {miss}"),
+        None => writeln!(text, "passes the simulation"),
+        Some(miss) => writeln!(text, "fails in simulation: {miss}"),
     };
     text
 }

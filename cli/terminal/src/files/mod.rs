@@ -82,7 +82,7 @@ pub enum FileError {
         seconds: u64,
     },
     /// The output is a file that the run reads.
-    #[error("cannot write {}: it is {}, a {kind} that this run reads", output.display(), input.display())]
+    #[error("cannot write {}: it is {}, a {kind} that this command reads", output.display(), input.display())]
     #[diagnostic(help("give another file name for the result"))]
     OverInput {
         output: PathBuf,
@@ -92,7 +92,7 @@ pub enum FileError {
     },
     /// The output exists and has the extension of a file that users write.
     #[error(
-        "cannot write {}: it exists, and its extension is not that of a result of this command",
+        "cannot write {}: it exists, and this command writes files with another extension",
         output.display()
     )]
     #[diagnostic(help("give another file name, or remove the existing file first"))]

@@ -29,7 +29,7 @@ pub struct Output {
 
 #[derive(Debug)]
 enum Destination {
-    /// Regular file with links followed, and its permissions if it exists.
+    /// Path of a regular file after symbolic links, and the file's permissions if it exists.
     File { path: PathBuf, permissions: Option<Permissions> },
     /// Device or pipe.
     Stream,
@@ -403,7 +403,7 @@ mod tests {
             let error = Output::at(&at(other)).unwrap_err().to_string();
             assert!(error.contains(&format!("{other}: it is ")), "{error}");
             assert!(
-                error.ends_with("robot.toml, a robot file (TOML) that this run reads"),
+                error.ends_with("robot.toml, a robot file (TOML) that this command reads"),
                 "{error}"
             );
         }
@@ -417,7 +417,9 @@ mod tests {
         Output::at(&path).unwrap().write(b"new").unwrap();
         let error = Output::at(&path).unwrap_err().to_string();
         assert!(
-            error.contains("motion.toml: it exists, and its extension is not that of a result"),
+            error.contains(
+                "motion.toml: it exists, and this command writes files with another extension"
+            ),
             "{error}"
         );
         Output::of_source(&path).unwrap().write(b"imported").unwrap();

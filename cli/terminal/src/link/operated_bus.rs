@@ -159,7 +159,7 @@ pub fn report_exit(view: &View) -> Exit {
     Exit::NotDone
 }
 
-/// Prints the messages that follow the previously printed one.
+/// Prints the operator's messages that were not printed yet.
 pub fn print_new_messages(said: &mut Option<Message>, messages: &VecDeque<Message>) {
     let known = |message: &Message| said.as_ref() == Some(message);
     let next = messages.iter().rposition(known).map_or(0, |last| last + 1);

@@ -35,7 +35,7 @@ pub(super) struct Mean {
     /// This is the prediction of Higgins, Thompson and Spiegelhalter (2009, J. R. Statist. Soc. A 172, 137–159). The standard
     /// deviation of the mean itself would be too small, because it assumes independent model errors that average out.
     pub deviation: f64,
-    /// Standard deviation τ between sources, beyond their own.
+    /// Standard deviation τ of the differences between sources that their own deviations do not explain.
     pub between: f64,
 }
 
@@ -51,7 +51,8 @@ pub(super) fn mean(reports: &[SourceEstimate]) -> Option<Mean> {
     Some(Mean { value, deviation: (1.0 / weights).sqrt().hypot(between), between })
 }
 
-/// Standard deviation τ between sources, beyond their own; 0 for fewer than two known reports.
+/// Standard deviation τ of the differences between sources that their own deviations do not explain. 0 with fewer than two known
+/// reports.
 pub(super) fn between(reports: &[SourceEstimate]) -> f64 {
     let known: Vec<SourceEstimate> =
         reports.iter().filter(|report| report.is_known()).copied().collect();

@@ -99,7 +99,7 @@ pub struct FitResult {
     pub model: SimulationModel,
     /// Fitted quantities, changed or not.
     pub found: Vec<FittedQuantity>,
-    /// Pairs of quantities that the run hardly separates, with their correlation.
+    /// Pairs of quantities that the run hardly distinguishes, with their correlation.
     pub correlated: Vec<(String, String, f64)>,
     /// Errors over the fitted steps, with the values of the file and with the fitted values; `None` if the robot falls.
     pub fitted: [Option<Quality>; 2],

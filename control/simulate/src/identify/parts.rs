@@ -38,7 +38,7 @@ pub(super) fn of(replay: &Replay, file: &SimulationModel, steps: usize) -> Vec<R
     (0..count).map(of).collect()
 }
 
-/// Standard deviation between parts beyond noise; 0 if fewer than [`FEWEST`] parts are known.
+/// Standard deviation of the differences between parts that noise does not explain; 0 if fewer than [`FEWEST`] parts are known.
 pub(super) fn spread(parts: &[SourceEstimate]) -> f64 {
     let known = parts.iter().filter(|part| part.is_known()).count();
     if known < FEWEST { 0.0 } else { effects::between(parts) }

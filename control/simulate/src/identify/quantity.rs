@@ -112,7 +112,7 @@ const FACTS: [KindProperties; 10] = [
         label: ("kp", "N·m/rad"),
         by_default: true,
         key: Some("kp_nm_rad"),
-        silence: "its drives are at their limits, or carry no load",
+        silence: "the drives are at their limits or carry no load",
     },
     KindProperties {
         kind: Kind::SpeedGain,
@@ -120,7 +120,7 @@ const FACTS: [KindProperties; 10] = [
         label: ("kd", "N·m·s/rad"),
         by_default: true,
         key: Some("kd_nm_s_rad"),
-        silence: "its drives are at their limits, or do not move",
+        silence: "the drives are at their limits or do not move",
     },
     KindProperties {
         kind: Kind::Armature,
@@ -128,7 +128,7 @@ const FACTS: [KindProperties; 10] = [
         label: ("rotor inertia", "kg·m²"),
         by_default: false,
         key: Some("armature_kg_m2"),
-        silence: "its drives do not accelerate",
+        silence: "the drives do not accelerate",
     },
     KindProperties {
         kind: Kind::Mass,

@@ -42,7 +42,7 @@ impl Signal {
             Self::Joint => ("angles of joints", "rad"),
             Self::Wheel => ("angles of wheels", "rad"),
             Self::Speed => ("speeds of motors", "rad/s"),
-            Self::Position => ("place of the body", "m"),
+            Self::Position => ("position of the body", "m"),
             Self::Orientation => ("orientation", "rad"),
             Self::Gyro => ("turning rate", "rad/s"),
         }

@@ -226,7 +226,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         starts
     }
 
-    /// Tries other friction coefficients. Contacts may slip with them if they stick with the value of the file.
+    /// Tries other friction coefficients, with which contacts may slip that stick with the coefficient of the robot file.
     pub fn search_friction(&mut self, steps: usize) {
         let friction = self.open.iter().find(|&&k| self.all[k].kind == Kind::Friction);
         let Some(&friction) = friction else { return };
@@ -252,7 +252,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         }
     }
 
-    /// Sets the noise to the deviations that the fit leaves.
+    /// Estimates the noise of each signal from the residuals of the fit.
     pub fn estimate_noise(&mut self, steps: usize) {
         let model = self.model(&self.at.quantities);
         let start = self.at.start.clone();
@@ -261,7 +261,8 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         }
     }
 
-    /// Standard deviation of each open parameter between separately fitted parts of the run, beyond noise.
+    /// Standard deviation of each fitted parameter between separately fitted parts of the run, as far as noise does not explain
+    /// it.
     pub fn spreads(&mut self, steps: usize) -> Vec<f64> {
         let replays = parts::of(self.replay, self.file, steps);
         let mut reports: Vec<Vec<SourceEstimate>> = vec![Vec::new(); self.open.len()];
@@ -301,7 +302,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         self.open.iter().enumerate().map(of).collect()
     }
 
-    /// Pairs of open quantities that the run hardly separates, with their correlation.
+    /// Pairs of fitted quantities that the run hardly distinguishes, with their correlation.
     pub fn correlations(&self, fit: &Fit) -> Vec<(String, String, f64)> {
         let Some(covariance) = inverse(&fit.hessian) else { return Vec::new() };
         let mut pairs = Vec::new();

@@ -27,7 +27,8 @@ pub struct CombinedFit {
 pub struct CombinedQuantity {
     /// Value, standard deviation and verdict. If only one run determines the quantity, they are copied from that run.
     pub found: FittedQuantity,
-    /// Standard deviation between runs beyond their own, which is included in the deviation of [`run_result`](Self::found).
+    /// Standard deviation of the differences between runs that the deviations of the single runs do not explain. The deviation
+    /// of [`found`](Self::found) includes it.
     ///
     /// `None` if fewer than two runs determine the quantity. The deviation then does not include the error of the model.
     pub between: Option<f64>,

@@ -70,7 +70,7 @@ fn the_first_library_is_not_rolled_back_to_nothing() {
     assert!(!reboot(store).on_trial());
 }
 
-/// Refusal of a second library leaves the first one in place, even though the first has not played yet.
+/// Refusal of a second library leaves the first library active, although the robot has not played the first one yet.
 #[test]
 fn the_first_library_outlasts_the_next_transfer() {
     let (a, b) = (library(1, 90), library(2, 100));

@@ -64,7 +64,8 @@ impl<const W: usize, const E: usize> Bench<W, E> {
         store
     }
 
-    /// Sends the new library, activates it, resets, and confirms it. Returns the flash as an error if the power fails.
+    /// Sends the new library, activates it, restarts the controller, and confirms the library. Returns the flash as an error if
+    /// the power fails.
     #[expect(clippy::result_large_err, reason = "the flash comes back either way")]
     fn live(
         &self,

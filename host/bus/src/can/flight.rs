@@ -15,7 +15,7 @@ use std::collections::VecDeque;
 
 /// Time without a transmission after which another frame may be tried, µs.
 const PROBE_US: u64 = 1_000_000;
-/// Maximum number of frames tried in this way until one is transmitted.
+/// Maximum number of frames that the host tries in this way before one is transmitted.
 const PROBES: u8 = 2;
 
 /// Queue of frames in flight.

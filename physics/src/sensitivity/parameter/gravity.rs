@@ -1,4 +1,4 @@
-//! Gravity, which models a tilt of the ground or of the room.
+//! Gravity as a parameter. A change of its direction is equivalent to a tilt of the ground.
 
 use crate::force::Wrench;
 use crate::sensitivity::parameter::{Column, Constant, Parameter, SolvedStep};

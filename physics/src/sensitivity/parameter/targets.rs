@@ -14,7 +14,7 @@ pub struct Targets {
     /// Derivatives of target angle, speed and feed-forward torque with respect to the parameter. The arguments are the motor's
     /// index in `motors` and the time at the end of a step, s. For a delay, the derivatives are minus the rates of the targets;
     /// for an encoder offset, −1, 0 and 0.
-    #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
+    #[allow(clippy::type_complexity, reason = "the type has no other use")]
     pub by: Arc<dyn Fn(usize, f64) -> [f64; 3] + Send + Sync>,
 }
 

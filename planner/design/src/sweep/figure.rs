@@ -68,7 +68,7 @@ fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
 
 fn facts(values: &[&Values]) -> String {
     let any = values.iter().any(|values| values.contains(&Field::Lost));
-    if any { "× does not hold".to_owned() } else { String::new() }
+    if any { "× fails in simulation".to_owned() } else { String::new() }
 }
 
 /// Draws values over a numeric axis as lines with dots, or over names as dots alone.
@@ -208,7 +208,7 @@ mod tests {
             vec![("a & b".to_owned(), values.clone()), ("c".to_owned(), vec![Holds(2.0); 4])];
         let at = vec![0.1, 0.2, 0.3, 0.4];
         let svg = draw(&picture(Kind::Lines { x: "x, m".into(), at, series: series.clone() }));
-        assert_eq!((count(&svg, "<circle"), count(&svg, "× does not hold")), (6, 1), "{svg}");
+        assert_eq!((count(&svg, "<circle"), count(&svg, "× fails in simulation")), (6, 1), "{svg}");
         assert!(svg.contains("a &amp; b") && !svg.contains("NaN"));
         let labels = ["p", "q", "r", "s"].map(str::to_owned).to_vec();
         let svg = draw(&picture(Kind::Choices { axis: "x".into(), labels, series }));

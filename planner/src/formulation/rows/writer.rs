@@ -66,7 +66,7 @@ pub struct RowWriter<'a> {
     values: Vec<f64>,
     givens: Vec<(u32, ComparedField)>,
     derivatives: Vec<f64>,
-    /// Descriptions of the rows so far, if they are not those of the known pattern.
+    /// Descriptions of the rows written so far, unless the known pattern already contains them.
     rows: Vec<Row>,
     wanted: Evaluation<'a>,
     /// Known pattern. If `None`, `found` contains the pattern of the rows so far.

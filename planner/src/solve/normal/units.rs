@@ -3,7 +3,7 @@
 use super::super::fronts::{MOST_ROWS, ScatterMap};
 use crate::formulation::rows::{Role, Rows};
 
-/// Smallest number of entries of a row for which sharing destinations pays.
+/// Smallest number of entries of a row for which shared destinations save time.
 const LEAST_ENTRIES: usize = 6;
 /// Smallest share of the columns of a unit that each of its rows has.
 const LEAST_SHARE: f64 = 0.7;

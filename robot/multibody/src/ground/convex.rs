@@ -97,8 +97,9 @@ pub(super) fn parts(corners: &[[f64; 2]]) -> Vec<Arc<dyn Ground>> {
     begins.zip(ends).map(part).collect()
 }
 
-/// Point at which a part turns straight down. Beyond the concave corner `cut`, the part continues along `along` below its
-/// neighbours. The point is half-way to where the part would emerge again. A wall turns down at the corner itself.
+/// Point at which the outline of a part turns straight down. Beyond the concave corner `cut`, the outline continues in direction
+/// `along`, below the neighbouring part. The point is half-way to the place at which the outline would emerge again. At a wall,
+/// the outline turns down at the corner.
 fn beneath(corners: &[Flat], cut: usize, along: Flat) -> Flat {
     let corner = corners[cut];
     if along.x.abs() < 1e-12 {

@@ -201,7 +201,7 @@ pub fn parts(robot: &Robot) -> Vec<Part> {
     links.chain(robot.end_effectors.iter().flat_map(of_end)).collect()
 }
 
-/// Thin capsules between the places where a link without shapes carries something.
+/// Thin capsules between the joints and end effectors of a link without shapes.
 fn bones(robot: &Robot, link: usize) -> Vec<Shape> {
     let children = robot.joints.iter().filter(|joint| joint.parent == link);
     let children = children.map(|joint| joint.parent_from_joint.translation.vector);

@@ -10,7 +10,7 @@ const SAME: f64 = 0.003;
 const PARALLEL: f64 = 0.02;
 /// Angles from the nominal pose at which a joint without effect has none either, rad.
 const BENT_RAD: [f64; 2] = [0.3, -0.5];
-/// Fraction of the mean force below which a contact hardly carries.
+/// Fraction of the mean contact force below which a contact counts as unloaded.
 const CARRIES: f64 = 0.25;
 /// Minimum number of standing contacts for a warning about uneven forces.
 const MANY: usize = 4;
@@ -94,7 +94,7 @@ fn is_same(seen: &CheckedRobot<'_>, apart: &Vector3<f64>, axis: &Vector3<f64>) -
     axis.cross(apart).norm() < SAME * seen.size_m
 }
 
-/// Warning about standing contacts that hardly carry. A leg with a wrong sign then stands in a wrong position.
+/// Warning about contacts with almost no load in the standing pose. A wrong sign in a leg often causes this.
 fn loads(seen: &CheckedRobot<'_>) -> Option<RobotWarning> {
     let contacts = seen.tree.robot().end_effectors.iter().zip(&seen.standing.contacts);
     let standing: Vec<_> = contacts.filter(|(_, contact)| contact.force_n > 0.0).collect();

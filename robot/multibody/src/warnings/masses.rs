@@ -43,8 +43,7 @@ pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
     let implausible = warnings.iter().filter(|warning| warning.text.contains(INERTIA)).count();
     if implausible > 1 {
         let text = format!(
-            "{implausible} of {} links have an implausible inertia, so that plans and simulations say \
-             little about the real robot",
+            "{implausible} of {} links have an implausible inertia, so plans and simulations do not predict the real robot",
             robot.links.len()
         );
         warnings.insert(0, RobotWarning::of("robot", &robot.name, text));
@@ -122,7 +121,7 @@ fn density(link: &Link) -> Option<String> {
     let density = link.mass_kg / volume_m3;
     let [least, most] = DENSITY;
     let slip = if density < least {
-        "far lighter than foam; give the mass in kg"
+        "lighter than foam; give the mass in kg"
     } else if density > most {
         "heavier than any metal; divide a mass in g by 1000, and check that the lengths in m are \
          not too small"

@@ -10,7 +10,7 @@ use nalgebra::{Point3, Vector3};
 const LEVEL: f64 = 0.25;
 /// Depth of an end below the first joint of its limb, as a fraction of the limb's length, above which the limb hangs.
 const HANGS: f64 = 0.3;
-/// Fraction by which lengths of limbs of the same make differ at most.
+/// Largest relative difference in length between limbs that count as equal.
 const SAME_MAKE: f64 = 0.1;
 /// Minimum number of limbs that stand although none of them hangs, such as those of an insect.
 const CRAWLER: usize = 3;
@@ -32,7 +32,7 @@ impl Limb {
         self.is_wheel || self.bottom_m < self.hip_z_m - HANGS * self.length_m
     }
 
-    /// True if a limb is built like another one.
+    /// True if two limbs have equal joints and about equal length.
     fn is_like(&self, other: &Self) -> bool {
         let apart_m = (self.length_m - other.length_m).abs();
         let higher_m = (self.hip_z_m - other.hip_z_m).abs();
@@ -90,7 +90,7 @@ fn standing(limbs: &[Limb]) -> Vec<bool> {
     }
 }
 
-/// Limbs at the level of the lowest one, or of the lowest wheel, and those of the same make.
+/// Limbs whose end is about as low as the lowest end or wheel, and limbs that equal one of them.
 fn level(limbs: &[Limb], hanging: &[bool], out: &[bool]) -> Vec<bool> {
     let used = |index: usize| hanging[index] && !out[index];
     let of = |wheels: bool| {

@@ -59,7 +59,7 @@ impl Limb {
         self.words.iter().any(|name| words.iter().any(|word| is_part(name, word)))
     }
 
-    /// True on the first side, false on the second; `None` if the names do not settle it.
+    /// True if the names put the limb on the first side, false on the second; `None` if they do not decide.
     fn side(&self, sides: [&[&str]; 2]) -> Option<bool> {
         let [first, second] = sides.map(|side| self.is_called(side));
         (first != second).then_some(first)

@@ -16,7 +16,7 @@ use std::collections::{HashMap, HashSet};
 /// Name of the world's link, which exists if a joint or a fixed body needs it.
 const WORLD: &str = "world";
 
-/// Unread body with its place in the link that carries it.
+/// Body that has not been read yet, with its pose in the link that carries it.
 struct Open<'a, 'i> {
     of: Element<'a, 'i>,
     /// Parent link; `None` in the world.

@@ -230,7 +230,7 @@ impl<'u> Tree<'u> {
         candidates.min_by(|a, b| mass_kg(a).total_cmp(&mass_kg(b)))
     }
 
-    /// Rod that is a tendon between these ends.
+    /// Tendon between the two given ends, which acts as a rod.
     fn tie(&self, ends: &[End; 2], longer_m: f64) -> Option<Rod> {
         let [one, other] = [self.moving(&ends[0])?, self.moving(&ends[1])?];
         let place = |end: &End| Some((self.pose(&end.link)? * Point3::from(end.point_m)).coords);

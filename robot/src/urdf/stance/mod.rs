@@ -17,7 +17,7 @@ pub(super) use legs::{Carried, across, chain};
 
 /// Distance of a foot from its goal up to which the leg reaches it, as a fraction of its length.
 const MISS: f64 = 0.012;
-/// Depths of a leg to try, as fractions of the usual one. Limits keep some legs straight.
+/// Distances from hip to foot to try, as fractions of the default. Joint limits keep some legs nearly straight.
 const EASIER: [f64; 4] = [1.0, 1.1, 1.18, 0.8];
 /// Range of depths of a foot below its first bending joint, as fractions of the leg's length, for legs that have to stand as
 /// deep as wheels on rigid axles.

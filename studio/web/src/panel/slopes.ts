@@ -56,7 +56,7 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
     if (!kept || kept.version !== studio.version) {
       if (!studio.planning) {
         failed = true;
-        say("Effects are known only for plans that hold.");
+        say("Effects are known only for plans that meet their constraints.");
         draw();
       }
       return;

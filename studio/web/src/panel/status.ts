@@ -59,7 +59,7 @@ export function buildStatus(host: HTMLElement, studio: Studio, link: RobotLink, 
   update();
 }
 
-/** A connected robot that has stopped. The status of the plan does not matter until the robot is clear. */
+/** A connected robot that has stopped. Its state is shown instead of that of the plan until the stop is cleared. */
 function robotOf({ view, place }: RobotLink): { kind: Kind; title: string; words: string } | null {
   if (!view || !(view.state?.startsWith("stopped") || view.faults.length > 0)) return null;
   return { kind: "problem", title: robotStateOf(view, place), words: [...view.faults, view.advice].filter(Boolean).join("\n") };

@@ -38,7 +38,7 @@ export class Studio {
   /** Points that the user should check about the import of the project. */
   remarks: Remarks | null = null;
   progress: Progress | null = null;
-  /** True during a drag: plans are steps that follow it. */
+  /** True while the user drags; each plan is then an intermediate step. */
   dragging = false;
 
   #planner: Planner;
@@ -286,7 +286,7 @@ export class Studio {
     }
   }
 
-  /** The robot is shipped and was not opened. Its text becomes part of the project, so that it can be changed. */
+  /** Adds the text of a shipped robot that the user has not opened to the project, so that the user can change the robot. */
   async #adopt(robot: string) {
     this.documents.readRobot = robot;
     if (!robot || this.documents.text(robot) !== undefined) return;

@@ -10,7 +10,7 @@ export type RobotTransport = { kind: "engine" } | { kind: "relay"; address: stri
 export type ToWorker =
   | { kind: "start"; engine: Source; way: RobotTransport; connect: RobotRequest }
   | { kind: "ask"; id: number; wanted: RobotRequest; binary?: Uint8Array }
-  /** The page has shown a view, which proves that it is alive. */
+  /** The page has drawn a view. The worker sends heartbeats only while such messages arrive. */
   | { kind: "seen" }
   | { kind: "gamepad"; seen: GamepadSeen }
   /** Bytes that have arrived at the page's port. */

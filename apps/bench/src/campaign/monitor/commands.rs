@@ -110,8 +110,8 @@ impl Commands {
         copy_of.is_none()
     }
 
-    /// True if the robot may pass through a motion: on the way to SAFE, which needs no command, or on the way to a pending
-    /// goal.
+    /// True if the robot may pass through a motion on its way to SAFE, which needs no command, or to the motion of a pending
+    /// command.
     fn is_on_the_way(&self, clip: usize) -> bool {
         let pending = |goal: usize| {
             let plays = |received: &ReceivedCommand| {

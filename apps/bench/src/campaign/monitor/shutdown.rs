@@ -8,7 +8,7 @@ use rollwalk_sim_host::clock::SimTime;
 
 /// Largest immediate increase of a heartbeat's sequence number over the previous one.
 const AHEAD: u64 = 2;
-/// Time after which the sequence number may increase by one more, µs.
+/// Time without heartbeats per additional step by which the sequence number may increase, µs.
 const AHEAD_US: u64 = 25_000;
 
 /// Time limits of a shutdown.

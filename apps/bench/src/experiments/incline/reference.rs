@@ -154,7 +154,7 @@ impl Reference {
     }
 
     /// Solves the program around some velocities, and returns velocities and impulses of the contacts.
-    #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
+    #[allow(clippy::type_complexity, reason = "the type has no other use")]
     fn program(
         &self,
         near: &[(usize, f64)],

@@ -69,7 +69,7 @@ pub fn measure(
             ends.push(from_target(&rollout, rollout.steps()) * 1e3);
         }
         let text = format!("{} and {}", short(below[0]), short(below[1]));
-        let what = "time of the first contact below the height of touch, ms, k_n 1000 and 100";
+        let what = "time from the undeformed touch height to the first contact force, ms, k_n 1000 and 100";
         told(what, &text);
         for (name, end) in [("k_n 100", ends[1]), ("k_n 100, k_t of k_n 1000", ends[2])] {
             let off = end - ends[0];

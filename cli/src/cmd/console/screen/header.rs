@@ -58,7 +58,7 @@ pub fn state_words(view: &View) -> &'static str {
         return "NO CONTACT";
     }
     match view.status.map(|status| status.state) {
-        None => "NOT HEARD YET",
+        None => "NO STATUS YET",
         Some(State::Boot) => "STARTING",
         Some(State::SelfTest) => "TESTING ITSELF",
         Some(State::Disarmed) => "DISARMED",
@@ -100,10 +100,10 @@ fn severity(view: &View) -> &'static str {
     match view.status.filter(|_| view.link.contact).map(|status| status.severity) {
         None => "",
         Some(Severity::None) if has_faulty_servo(view) => "see the warning",
-        Some(Severity::None) => "all is well",
+        Some(Severity::None) => "no fault",
         Some(Severity::Notice) => "notice",
-        Some(Severity::Return) => "returns for a fault",
-        Some(Severity::Damp) => "is let down",
+        Some(Severity::Return) => "because of a fault",
+        Some(Severity::Damp) => "sinks damped",
         Some(Severity::TorqueOff) => "clear before arming",
         Some(Severity::EStop) => "torque is off",
     }
@@ -157,7 +157,7 @@ fn activity(scene: &Scene) -> String {
         parts.push(gamepad.to_owned());
     }
     if view.leaving == ExitStage::WhenHome {
-        parts.push("LEAVING: q leaves at once".into());
+        parts.push("QUITTING: q quits at once".into());
     }
     if let Some(asking) = &view.asking {
         parts.push(format!("command: {asking}"));
