@@ -114,7 +114,7 @@ pub fn cache(library: u32, planned: &[PlanSummary]) {
     names::cache_data(library, ENDING, &planned);
 }
 
-/// Cached summaries of the plans of the library with this identity.
+/// Cached summaries of the plans of the library with the given identity.
 pub fn cached(library: u32) -> Option<Vec<PlanSummary>> {
     names::cached_data(library, ENDING)
 }

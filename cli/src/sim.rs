@@ -91,7 +91,7 @@ struct Cli {
     /// Actuator bus, in the order of bus numbers; once for each bus of the robot.
     #[arg(long, value_name = "BUS")]
     actuators: Vec<BusName>,
-    /// Run only this part of the robot.
+    /// Run only the given part of the robot.
     #[arg(long, value_name = "PART", requires = "actuators")]
     only: Option<Part>,
     /// Support of the robot [default: ground; with --actuators: stand].

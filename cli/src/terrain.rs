@@ -46,7 +46,7 @@ pub struct GroundArgs {
 }
 
 impl GroundArgs {
-    /// True if any of these options was given.
+    /// True if any option of the ground was given.
     pub fn is_given(&self) -> bool {
         self.slope.is_some() || self.terrain.is_some() || !self.push.is_empty()
     }

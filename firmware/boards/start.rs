@@ -31,7 +31,7 @@ pub struct ReadyController {
     pub on_serial: BusAssignment,
 }
 
-/// Settings for a chip with this serial number, and the control period, µs.
+/// Settings for a chip with the given serial number, and the control period, µs.
 pub fn settings(uid: [u8; 6]) -> (Settings, u32) {
     let settings = Settings { uid, ..Settings::default() };
     let period_us = 1_000_000 / u32::from(settings.control_hz.max(1));

@@ -16,7 +16,7 @@ const NO_ACK_TICKS: u8 = 3;
 #[derive(Clone, Copy, Debug, Default)]
 struct WatchedBus {
     state: BusState,
-    /// Number of ticks in this state.
+    /// Number of ticks since the last change of the state.
     ticks: u8,
     restart: bool,
 }

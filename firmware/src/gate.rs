@@ -13,9 +13,9 @@ const NONCE_LIFE_US: u64 = 2_000_000;
 pub(crate) enum Verdict {
     /// Execute the command, then call [`Gate::answered`].
     Execute,
-    /// Repeat this answer, because the command was executed before.
+    /// Repeat the given answer, because the command was executed before.
     Repeat(CommandAck),
-    /// Refuse the command with this result.
+    /// Refuse the command with the given result.
     Refuse(CommandResult),
 }
 

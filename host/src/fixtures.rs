@@ -4,7 +4,7 @@ use crate::actuators::{ActuatorBus, Actuators, BusKind, ChannelActuator};
 use rollwalk_protocol::faults::FaultBits;
 use rollwalk_protocol::wire::{State, Status};
 
-/// Dynamixel XL330 servos with these IDs on one serial line.
+/// Dynamixel XL330 servos with the given IDs on one serial line.
 pub fn servo_line(ids: impl IntoIterator<Item = u8>) -> Actuators {
     let bus =
         ActuatorBus { kind: BusKind::ServoLine, protocol: "Dynamixel".into(), bit_rate: 1_000_000 };

@@ -10,7 +10,7 @@ use std::path::Path;
 /// First word of a file with a link key.
 pub const LINK: &str = "rollwalk-link-key-1";
 
-/// Text of a file with this link key.
+/// Text of a file with the given link key.
 pub fn text(key: &[u8; LINK_KEY_LEN]) -> String {
     let mut line = format!("{LINK} ");
     for byte in key {

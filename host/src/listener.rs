@@ -148,7 +148,7 @@ mod tests {
         Listener::new(0, node())
     }
 
-    /// Bus on which these frames arrive, 50 ms apart.
+    /// Bus on which the given frames arrive, 50 ms apart.
     fn bus_with(frames: impl IntoIterator<Item = Frame>) -> Wire {
         let mut wire = Wire::silent();
         for (at, frame) in (0..).zip(frames) {

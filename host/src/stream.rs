@@ -26,7 +26,7 @@ pub struct Target {
 pub struct Stream {
     /// Frames that the controller has not taken yet.
     frames: VecDeque<Vec<Target>>,
-    /// Number of the first of these frames.
+    /// Number of the first frame in `frames`.
     first: u64,
     /// Frame number and channel of the next message.
     next: (u64, usize),

@@ -17,7 +17,7 @@ pub struct Tracking {
     pub rate_hz: u16,
     /// Fraction of the robot file's kp that acts around set-points without the stiff flag, %.
     pub kp_percent: u8,
-    /// Fraction of the robot file's kd that acts around these set-points, %.
+    /// Fraction of the robot file's kd that acts around set-points that are not stiff, %.
     pub kd_percent: u8,
 }
 

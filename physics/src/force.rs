@@ -172,7 +172,7 @@ pub trait Force: Any + Debug + Send + Sync {
         false
     }
 
-    /// Returns the law near these motions, for a force whose derivatives omit a kink.
+    /// Returns the law near the given motions, for a force whose derivatives omit a kink.
     fn kink(&self, _now: &[BodyMotion], _held: Option<StickingFriction>) -> Option<Kink<'_>> {
         None
     }

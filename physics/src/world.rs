@@ -158,7 +158,7 @@ impl World {
     /// Sets the control law of a channel's motor.
     ///
     /// # Panics
-    /// If the robot lacks this channel.
+    /// If the robot does not have `channel`.
     pub fn set_law(&mut self, channel: usize, law: Law) {
         let force = self.motors[channel];
         match self.system.force_mut::<CoupledMotor>(force) {
@@ -173,7 +173,7 @@ impl World {
     /// Control law of a channel's motor.
     ///
     /// # Panics
-    /// If the robot lacks this channel.
+    /// If the robot does not have `channel`.
     pub fn law(&self, channel: usize) -> Law {
         match self.coupled(channel) {
             Some(motor) => motor.law,

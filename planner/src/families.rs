@@ -396,7 +396,7 @@ impl FamilySet {
         Self(0).with(families)
     }
 
-    /// Returns the set with these families added.
+    /// Returns the set with the given families added.
     pub const fn with(self, families: &[Family]) -> Self {
         let mut bits = self.0;
         let mut next = 0;

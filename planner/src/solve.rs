@@ -44,7 +44,7 @@ const MOST_WITHOUT_STEP: usize = 3;
 const DAMPING_LIMIT: f64 = 1e12;
 /// Damping below which a step hardly changes.
 const DAMPING_FELT: f64 = 1e-4;
-/// Factor on the damping after a rejected step.
+/// Scale factor of the damping after a rejected step.
 const RAISE: f64 = 6.0;
 /// Number of iterations before the solver uses look-ahead steps ([`look_ahead`]). Easy solves end earlier.
 const EASY_ITERATIONS: usize = 12;
@@ -189,7 +189,7 @@ impl<'a> Solver<'a> {
         self.iteration
     }
 
-    /// Adds iterations that a probe spent on this solve.
+    /// Adds to the iteration count of the solve the iterations of a probe.
     pub fn count(&mut self, iterations: usize) {
         self.iteration += iterations;
     }

@@ -86,7 +86,7 @@ pub struct ConfigError {
     pub must: &'static str,
 }
 
-/// Identity of a robot with this name: the CRC-32C of the name.
+/// Identity of a robot with the given name: the CRC-32C of the name.
 pub fn robot_id(name: &str) -> u32 {
     crc32c(name.as_bytes())
 }

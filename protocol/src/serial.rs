@@ -18,7 +18,7 @@ const MAX_PACKET: usize = 3 + MAX_MESSAGE + CRC_LEN;
 
 /// Bytes for the line, including the final zero.
 pub type Line = Vec<u8, { line_len(MAX_PACKET) }>;
-/// Deframer of these packets.
+/// Deframer of packets on the link's serial line.
 pub type Deframer = packet::Deframer<MAX_PACKET>;
 type Writer = packet::Writer<MAX_PACKET>;
 

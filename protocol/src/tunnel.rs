@@ -22,7 +22,7 @@ const KIND_FIGURES: u8 = 3;
 
 /// Bytes for the line, including the final zero.
 pub type Line = Vec<u8, { line_len(MAX_PACKET) }>;
-/// Deframer of these packets.
+/// Deframer of packets between host and board under test.
 pub type Deframer = packet::Deframer<MAX_PACKET>;
 type Writer = packet::Writer<MAX_PACKET>;
 
@@ -42,7 +42,7 @@ pub enum Request {
 pub struct Step {
     /// Time of the controller, µs; never decreases.
     pub now_us: u64,
-    /// Event at this time; `None` if there is no event.
+    /// Event at the time of the step; `None` if there is no event.
     pub input: Option<Input>,
     /// Buses that can accept a frame.
     pub free: Buses,

@@ -82,7 +82,7 @@ impl Catalog {
         &self.servos
     }
 
-    /// Returns the servo with this name.
+    /// Returns the servo with the given name.
     pub fn get(&self, name: &str) -> Option<&Servo> {
         self.servos.iter().find(|servo| servo.name == name)
     }

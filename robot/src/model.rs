@@ -88,11 +88,11 @@ pub struct Joint {
 pub struct Linkage {
     /// Index of the link that carries the servo: the parent of the joint, or a link before it.
     pub link: usize,
-    /// Pivot of the crank in this link, m.
+    /// Pivot of the crank in the link of the motor, m.
     pub pivot_in_link_m: Vector3<f64>,
-    /// Pin between crank and rod in this link in the nominal pose, m.
+    /// Pin between crank and rod in the nominal pose, in the link of the motor, m.
     pub pin_in_link_m: Vector3<f64>,
-    /// Unit axis of the servo in this link.
+    /// Unit axis of the servo in the link of the motor.
     pub axis_in_link: Vector3<f64>,
     /// End of the rod in the child link of the joint, m.
     pub rod_in_child_m: Vector3<f64>,

@@ -68,7 +68,7 @@ struct AnswerTurns {
 }
 
 impl AnswerTurns {
-    /// Time at which the next servo begins its answer; `None` while it sends, or if it has no answer.
+    /// Time at which the next servo begins its answer; `None` while a servo sends, or if no answer is pending.
     fn next_start(&self) -> Option<SimTime> {
         let (_, answer) = self.answers.get(&self.next)?;
         Some(self.since + SimTime::from_us(answer.delay_us))

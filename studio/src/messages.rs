@@ -95,7 +95,7 @@ pub enum RequestKind {
     Animation,
     /// Requests the most recent good plan with its multipliers, as bytes.
     Solution,
-    /// Continues from the bytes of `solution` in this request.
+    /// Plans from the solution whose bytes the request contains.
     Resume,
     /// Computes derivatives of the quantities of a good plan with respect to the robot's parameters. The request contains the
     /// bytes of `solution`.

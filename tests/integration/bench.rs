@@ -9,7 +9,7 @@ fn bench(desk: &Desk, args: &[&str]) -> Outcome {
     desk.run(&[&["bench"][..], args, &["--out", "out"]].concat())
 }
 
-/// Returns the cells of the row that begins with `name`, below these column titles.
+/// Returns the cells of the row that begins with `name`, below the given column titles.
 #[track_caller]
 fn row<'a>(text: &'a str, titles: &[&str], name: &str) -> Vec<&'a str> {
     let cells = |line: &'a str| line.split("  ").map(str::trim).filter(|cell| !cell.is_empty());

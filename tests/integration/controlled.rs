@@ -8,7 +8,7 @@ use std::io::Write;
 use std::process::Stdio;
 use std::thread;
 
-/// Runs the controller on these input lines, with ANYmal's standing plan; returns its answers.
+/// Runs the controller on the given input lines, with ANYmal's standing plan; returns its answers.
 fn answers(desk: &Desk, args: &[&str], lines: &[String]) -> Outcome {
     let mut command = desk.command(&[&["control", "stand.json"], args].concat());
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());

@@ -25,7 +25,7 @@ fn listener(desk: &Desk) -> LiveLink {
     LiveLink::new(sim::connect(Some(&desk.path("robot.sock"))).expect("the robot is there"))
 }
 
-/// Waits for a status with this state.
+/// Waits for a status with the given state.
 #[track_caller]
 fn wait_for(link: &mut LiveLink, state: State) -> Status {
     let until_us = link.now_us() + 60_000_000;

@@ -84,7 +84,7 @@ impl Robot {
 }
 
 impl Robot {
-    /// Runs a simulator that must refuse these arguments, and returns its outcome.
+    /// Runs a simulator that must refuse the given arguments, and returns its outcome.
     pub fn refuses(desk: &Desk, args: &[&str]) -> Outcome {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
         command.args(args).current_dir(desk.path("")).env("XDG_STATE_HOME", desk.path("state"));
@@ -103,14 +103,14 @@ impl Robot {
     }
 }
 
-/// Creates a command of ours on `bus`, with its cache in the desk.
+/// Creates a command of Rollwalk on `bus`, with its cache in the desk.
 pub fn command_on(desk: &Desk, bus: &str, args: &[&str]) -> Command {
     let mut command = desk.command(args);
     command.env("ROLLWALK_BUS", bus).env("XDG_CACHE_HOME", desk.path("cache"));
     command
 }
 
-/// Runs a command of ours on `bus` to its end.
+/// Runs a command of Rollwalk on `bus` to its end.
 pub fn on(desk: &Desk, bus: &str, args: &[&str]) -> Outcome {
     program::run(&mut command_on(desk, bus, args), PLAYED)
 }

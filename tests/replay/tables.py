@@ -255,8 +255,7 @@ def _found(parameter, true):
 
 
 def predicted(results):
-    """Table with a row for each motion and signal: root mean square of each recording, with the file's parameters and
-    with others."""
+    """Table with a row for each motion and signal: root mean square errors of each recording, simulated with the parameters of the robot file and with those identified from other runs."""
     kinds = ["file", "fitted", "true", "true with contacts"]
     rows = [["motion", "", "file", "fitted", "true", "true, contacts and delay fitted"]]
     seeds = results["seeds"]

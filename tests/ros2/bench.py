@@ -126,7 +126,7 @@ class Bench(unittest.TestCase):
         return seen
 
     def await_log(self, words):
-        """Reads /rosout until a line has these words."""
+        """Reads /rosout until a line has the given words."""
         lines = []
 
         def is_there():

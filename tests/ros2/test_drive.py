@@ -208,7 +208,7 @@ def twist(forward, turn):
 
 
 def header(age_s):
-    """Header of a message of this age."""
+    """Header of a message that is `age_s` old."""
     at_s = time.time() - age_s
     return ros.Header(ros.Time(int(at_s), int(at_s % 1.0 * 1e9)), "base_link")
 
@@ -224,6 +224,6 @@ def since(steps, before):
 
 
 def fastest(steps, count):
-    """Greatest mean speed over this number of steps, m/s."""
+    """Greatest mean speed over `count` consecutive steps, m/s."""
     speeds = [step.speed_m_s for step in steps]
     return max(sum(speeds[k : k + count]) / count for k in range(len(speeds) - count))

@@ -135,7 +135,7 @@ impl Outcome {
         self.stdout
     }
 
-    /// Asserts this exit code, and that the results contain all `words`.
+    /// Asserts the given exit code, and that the results contain all `words`.
     #[track_caller]
     pub fn succeeds_with(self, code: i32, words: &[&str]) {
         let Self { code: found, stdout, stderr } = self;
@@ -145,7 +145,7 @@ impl Outcome {
         }
     }
 
-    /// Asserts this exit code, empty results, and a message that contains all `words`.
+    /// Asserts the given exit code, empty results, and a message that contains all `words`.
     #[track_caller]
     pub fn fails(self, code: i32, words: &[&str]) {
         assert_eq!(

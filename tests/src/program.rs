@@ -100,7 +100,7 @@ impl Program {
         crate::signal(&self.child, name);
     }
 
-    /// Waits until the program has printed a complete line with these words. Returns all lines so far, of stdout or else of
+    /// Waits until the program has printed a complete line with the given words. Returns all lines so far, of stdout or else of
     /// stderr.
     ///
     /// # Panics
@@ -136,7 +136,7 @@ impl Program {
         self.ends_within(PLAYED)
     }
 
-    /// Waits until the program ends, with this timeout.
+    /// Waits until the program ends, with the given timeout.
     ///
     /// # Panics
     /// Panics if the program does not end in time, or if its output is not UTF-8.

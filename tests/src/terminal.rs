@@ -85,7 +85,7 @@ impl Terminal {
         }
     }
 
-    /// Waits until the screen shows these words.
+    /// Waits until the screen shows the given words.
     ///
     /// # Panics
     /// Panics if they do not appear within [`LONG`].

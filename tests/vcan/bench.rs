@@ -66,7 +66,7 @@ fn warm() {
     });
 }
 
-/// Runs a command of ours to its end.
+/// Runs a command of Rollwalk to its end.
 #[track_caller]
 pub fn rollwalk(args: &[&str]) -> Outcome {
     program::run(&mut ours(args), PLAYED)
@@ -119,7 +119,7 @@ impl BackgroundProgram {
         Self::robot_of(&robot(), args)
     }
 
-    /// Starts a simulated robot from this file and waits until it is ready.
+    /// Starts a simulated robot from `file` and waits until it is ready.
     #[track_caller]
     pub fn robot_of(file: &Path, args: &[&str]) -> Self {
         warm();
@@ -193,7 +193,7 @@ impl BackgroundProgram {
         monitor
     }
 
-    /// Starts a command of ours.
+    /// Starts a command of Rollwalk.
     pub fn rollwalk(args: &[&str]) -> Self {
         Self::piped(ours(args))
     }

@@ -75,7 +75,7 @@ enum Task {
     /// Continues after a failure. Steps that run other programs use their brief form unless the change touches files that they
     /// check. The final table lists the seconds of every step, the failures, and the checks left to `cargo xtask nightly`.
     Test {
-        /// Run only this step, with all of its checks.
+        /// Run only the given step, with all of its checks.
         #[arg(long, value_name = "STEP")]
         only: Option<TestStep>,
         /// Run the brief form of the step, for a step that runs in parallel.
@@ -84,7 +84,7 @@ enum Task {
     },
     /// Run the long forms of the tests, which take hours. Continues after a failure and prints the seconds of every step.
     Nightly {
-        /// Run only this step.
+        /// Run only the given step.
         #[arg(long, value_name = "STEP")]
         only: Option<NightlyStep>,
     },
@@ -126,7 +126,7 @@ enum Task {
         /// Duration for each target, s.
         #[arg(long, default_value_t = fuzz::FULL_SECONDS)]
         seconds: u32,
-        /// Run only this input.
+        /// Run only the given input.
         #[arg(long, value_name = "FILE")]
         input: Option<std::path::PathBuf>,
     },
@@ -146,7 +146,7 @@ enum Task {
     /// Compare the public items of the published crates with those of the last release. Fails on a breaking change that the
     /// version number does not announce.
     Semver {
-        /// Compare with this revision instead of the last release.
+        /// Compare with the given revision instead of the last release.
         #[arg(long, value_name = "REVISION")]
         since: Option<String>,
     },

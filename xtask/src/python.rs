@@ -64,7 +64,7 @@ impl Environment {
         Ok(python)
     }
 
-    /// Returns an environment with these packages below the target folder, reusing that of an earlier run.
+    /// Returns an environment with the given packages below the target folder, reusing that of an earlier run.
     ///
     /// # Errors
     /// Returns the errors of [`new`](Self::new).

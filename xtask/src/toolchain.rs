@@ -16,7 +16,7 @@ pub fn nightly_cargo(args: &[&str]) -> Command {
     cargo
 }
 
-/// Installs the nightly toolchain with these components if it is missing.
+/// Installs the nightly toolchain with the given components if it is missing.
 ///
 /// # Errors
 /// Returns the command that installs them if this machine cannot.

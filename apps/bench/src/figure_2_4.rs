@@ -14,11 +14,11 @@ use serde::Serialize;
 pub const DESIGN: &str = "designs/agilebot_legs.toml";
 /// Parameter that is changed.
 const GIVEN: &str = "front_thigh";
-/// Increase of this parameter, m.
+/// Increase of the parameter [`GIVEN`], m.
 const LONGER_M: f64 = 0.02;
-/// Largest change of the pitch if the other parameters follow, degrees.
+/// Largest accepted change of the pitch if the other parameters compensate, degrees.
 const KEPT_DEG: f64 = 0.1;
-/// Smallest change of the pitch if the other parameters do not follow, degrees.
+/// Smallest expected mean change of the pitch if only the given parameter changes, degrees.
 const BY_HAND_DEG: f64 = 1.0;
 
 /// Results of a method of changing the robot.

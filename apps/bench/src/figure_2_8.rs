@@ -27,7 +27,7 @@ pub const WALK: &str = "motions/pup_walk.toml";
 const HEIGHTS_M: [f64; 2] = [0.26, 0.3];
 /// Length of the walker's thighs and shanks, m.
 const LEG_M: f64 = 0.1;
-/// Bounds of these lengths, m.
+/// Bounds of the lengths of the leg's links, m.
 const LEG_BOUNDS_M: [f64; 2] = [0.05, 0.18];
 /// Height above the ground of wheels with a radius of 5 cm that are tilted by 45 degrees, m.
 const HANGS_M: f64 = 0.05 * (1.0 - FRAC_1_SQRT_2);

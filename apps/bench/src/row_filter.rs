@@ -12,7 +12,7 @@ pub struct RowFilter {
 }
 
 impl RowFilter {
-    /// Returns this option as command-line arguments.
+    /// Returns the option `--only` as command-line arguments.
     pub fn words(&self) -> Vec<String> {
         self.only.iter().flat_map(|only| ["--only".to_owned(), only.clone()]).collect()
     }

@@ -15,29 +15,29 @@ use serde::{Deserialize, Serialize};
 /// Change of a motion or robot by a value.
 #[derive(Clone, Copy, Debug)]
 enum Change {
-    /// Factor on goals and targets.
+    /// Scale factor of goals and targets.
     Farther,
     /// Value of `left_m` of the goal, m.
     Sideways,
     /// Value of `turn_rad` of the goal, rad.
     Turn,
-    /// Factor on the duration.
+    /// Scale factor of the duration.
     Shorter,
-    /// Factor on the swing height.
+    /// Scale factor of the swing height.
     Higher,
-    /// Factor on the height limits of the body.
+    /// Scale factor of the height limits of the body.
     Lower,
-    /// Factor on sideways targets.
+    /// Scale factor of sideways targets.
     Wider,
-    /// Factor on the speed limits of joints.
+    /// Scale factor of the speed limits of joints.
     SlowJoints,
-    /// Factor on the speed limits of wheels.
+    /// Scale factor of the speed limits of wheels.
     SlowWheels,
-    /// Factor on the torque limits of joints.
+    /// Scale factor of the torque limits of joints.
     WeakJoints,
-    /// Factor on the torque limits of wheels.
+    /// Scale factor of the torque limits of wheels.
     WeakWheels,
-    /// Factor on the friction.
+    /// Scale factor of the friction.
     Ice,
 }
 

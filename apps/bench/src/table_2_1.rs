@@ -7,7 +7,7 @@ use rollwalk_planner::{ACCEPTED_LEVEL, Options};
 use rollwalk_terminal::{interrupt, output};
 use serde::Serialize;
 
-/// Factor on the goal for replanning.
+/// Scale factor of the goal for replanning.
 const EDIT: f64 = 0.9;
 /// Largest relative error of a goal.
 const GOAL_ERROR: f64 = 1e-3;

@@ -29,9 +29,9 @@ const SAMPLES: usize = 24;
 const SLIP_MM_S: f64 = 100.0;
 /// Speed at which the search ends, m/s.
 const ENOUGH_M_S: f64 = 20.0;
-/// First factor on the distance.
+/// Factor by which the search first multiplies the distance.
 const STEP: f64 = 1.25;
-/// Smallest factor on the distance, at which the search ends.
+/// Smallest factor by which the search multiplies the distance. The search ends there.
 const FINEST: f64 = 1.02;
 /// Number of seeds for planning from scratch if replanning from the previous speed fails.
 const SEEDS: u64 = 2;

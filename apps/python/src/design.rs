@@ -50,7 +50,7 @@ impl Parameter {
 /// the S samples of the plan: `pitch`, `tilt`, `joints` (rad), `height`, `body`, `feet` (m).
 #[pyclass(frozen, get_all, module = "rollwalk")]
 pub struct Gradients {
-    /// Plan of the motion for these parameter values.
+    /// Plan of the motion for the given parameter values.
     plan: Py<Plan>,
     /// Names of the parameters, in the order of the last axis of all derivatives.
     parameter_names: Vec<String>,

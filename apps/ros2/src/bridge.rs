@@ -44,7 +44,7 @@ struct PendingCall {
 /// Event that answers a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum AnsweringEvent {
-    /// Message about the intent with this number.
+    /// Message about the intent with the given number.
     Message(u64),
     /// Acknowledgement of an emergency stop.
     Stopped,

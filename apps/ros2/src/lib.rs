@@ -48,7 +48,7 @@ use std::process::ExitCode;
 ///
 /// The node is the robot's only host: it sends the heartbeat that keeps an armed robot armed. It arms only after a call of its
 /// service `arm`, and follows velocities only after a call of its service `drive`. Ctrl-C and SIGTERM return the robot to SAFE
-/// and disarm it; if the node ends in any other way, the robot does so by itself.
+/// and disarm it; if the node ends in any other way, the robot does the same automatically.
 ///
 /// The node does not need an installation of ROS. It uses ROS_DOMAIN_ID, ROS_AUTOMATIC_DISCOVERY_RANGE, ROS_LOCALHOST_ONLY and
 /// RMW_IMPLEMENTATION (rmw_fastrtps_cpp or rmw_cyclonedds_cpp), and the names of node and topics after --ros-args.

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 /// Maximum wait for a STATUS, µs.
 const STATUS_US: u64 = 200_000;
-/// Maximum wait while a robot is let down with damped joints, µs: twice the usual time.
+/// Maximum wait while a robot sinks with damped joints, µs: twice the usual time.
 const LET_DOWN_US: u64 = 3_000_000;
 /// Interval between attempts to open a bus that was lost during a stop.
 const REOPEN: Duration = Duration::from_millis(200);
@@ -67,7 +67,7 @@ pub fn run(order: Order, args: &Args) -> miette::Result<Exit> {
     Ok(Exit::Ok)
 }
 
-/// Clears a latched stop. Waits while the robot is still being let down; a robot without a stop is not an error.
+/// Clears a latched stop. Waits while the robot still sinks. A robot without a stop is not an error.
 fn clear(session: &mut LiveSession) -> Result<(), SessionError> {
     let mut waited_us = 0;
     loop {

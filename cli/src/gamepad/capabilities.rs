@@ -16,7 +16,7 @@ pub fn has_buttons(device: &Path) -> Option<bool> {
     fs::read_to_string(file).ok().map(|keys| is_gamepad(&keys))
 }
 
-/// True if these key capabilities are those of a gamepad.
+/// True if the given key capabilities are those of a gamepad.
 fn is_gamepad(keys: &str) -> bool {
     BUTTONS.iter().any(|button| is_set(keys, usize::from(button.0)))
 }

@@ -9,7 +9,7 @@ use rollwalk_terminal::{keys, output};
 
 /// Keys that the controller requires.
 pub struct Keys {
-    /// Link key, and the number of earlier boots of controllers with this key.
+    /// Link key, and the number of earlier boots of all controllers that use the key.
     pub link: Option<(LinkKey, u32)>,
     pub library: Option<VerifyingKey>,
 }

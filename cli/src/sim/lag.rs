@@ -18,7 +18,7 @@ pub struct LagWatch {
 }
 
 impl LagWatch {
-    /// Starts the comparison at these times.
+    /// Starts the comparison at the given times.
     pub fn new(now: Instant, robot_s: f64) -> Self {
         Self { since: (now, robot_s), said: None }
     }

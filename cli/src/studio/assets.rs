@@ -33,7 +33,7 @@ const PAGE: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../studio/
 /// First element of the page's head; the elements that describe the engine are inserted after it.
 const CHARSET: &str = "<meta charset=\"utf-8\">";
 
-/// File of the page with this name.
+/// File of the page with the given name.
 pub fn file(name: &str) -> Option<Asset<'static>> {
     FILES.iter().find(|(known, _)| *known == name).map(|(_, asset)| *asset)
 }

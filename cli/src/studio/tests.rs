@@ -51,7 +51,7 @@ impl TestServer {
         String::from_utf8_lossy(&answer).into_owned()
     }
 
-    /// Returns the status of a request with these fields.
+    /// Returns the status of a request with the given fields.
     fn status(&self, line: &str, fields: &[&str]) -> u16 {
         let answer =
             self.exchange(format!("{line} HTTP/1.1\r\n{}\r\n\r\n", fields.join("\r\n")).as_bytes());

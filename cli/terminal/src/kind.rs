@@ -138,7 +138,7 @@ impl Kind {
         }
     }
 
-    /// Advice for a missing file of this kind.
+    /// Advice for a user whose file of the kind is missing.
     pub fn hint(self) -> &'static str {
         match self {
             Self::Robot => "give the path of a robot file, such as robots/agilebot.toml",

@@ -197,7 +197,7 @@ impl From<Vec<Vec<String>>> for Table {
 }
 
 impl Table {
-    /// Creates a table with these column titles.
+    /// Creates a table with the given column titles.
     pub fn new<const N: usize>(titles: [&str; N]) -> Self {
         Self { rows: vec![titles.map(str::to_owned).to_vec()] }
     }

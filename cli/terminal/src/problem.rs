@@ -55,7 +55,7 @@ pub struct ParsedProblem {
 }
 
 impl Problem {
-    /// Creates a problem from these texts.
+    /// Creates a problem from the given texts.
     pub fn new(texts: MotionTexts, from: Option<TextFile>, options: Choices) -> Self {
         let MotionTexts { motion, robot, terrain } = texts;
         let (format, program) = (PROBLEM_FORMAT.to_owned(), PROGRAM.to_owned());

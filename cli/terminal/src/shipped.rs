@@ -20,7 +20,7 @@ pub fn instead_of(path: &Path) -> Option<&'static str> {
     if missing { text(path) } else { None }
 }
 
-/// Names of the shipped files in a folder, with this extension.
+/// Names of the shipped files in a folder, with the given extension.
 pub fn names_in(folder: &Path, extension: Option<&OsStr>) -> impl Iterator<Item = &'static str> {
     let files = FILES.iter().map(|(path, _)| Path::new(path));
     let there = files.filter(move |path| path.parent() == Some(folder));

@@ -142,12 +142,12 @@ fn check(file: &[u8], robot: &Robot) -> miette::Result<Result<Index, Reject>> {
     Ok(validate(unsigned(file), &robot.controller_config().into_diagnostic()?))
 }
 
-/// Shipped robot with this configuration hash.
+/// Shipped robot with the given configuration hash.
 pub fn robot_of(config_hash: u32) -> Option<Robot> {
     Source::Shipped.robot(file_of(config_hash)?).ok()
 }
 
-/// File of the shipped robot with this configuration hash.
+/// File of the shipped robot with the given configuration hash.
 pub fn file_of(config_hash: u32) -> Option<&'static Path> {
     let fits = |robot: Robot| robot.controller_config().is_ok_and(|c| c.hash() == config_hash);
     shipped::robots().find(|file| Source::Shipped.robot(file).is_ok_and(fits))

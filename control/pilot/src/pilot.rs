@@ -82,7 +82,7 @@ pub struct Tally {
     pub planned: u32,
     /// Number of planned horizons that were not accepted.
     pub rejected: u32,
-    /// Planned velocity of the previous stretch: forward and left in the heading frame, m/s, and turning rate, rad/s.
+    /// Mean planned velocity of the previous [`Stretch`]: forward and left in the heading frame, m/s, and turning rate, rad/s.
     pub velocity: [f64; 3],
     /// Smallest number of remaining frames when a horizon arrived.
     pub least_ahead: Option<usize>,
@@ -108,7 +108,7 @@ pub struct Pilot {
     has_said_why: bool,
     /// First frames of a stream, until the controller follows it.
     first: Option<Vec<Vec<Target>>>,
-    /// Number of consecutive stretches in which the robot was commanded to stand and stood.
+    /// Number of consecutive [`Stretch`]es in which the robot was commanded to stand and stood.
     stood: u32,
     /// Deadline of the previous command, µs. The pilot then repeats the command or gives up.
     again_us: u64,

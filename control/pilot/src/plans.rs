@@ -1,4 +1,5 @@
-//! Planner of a steered robot: receives requests and returns stretches, in its own thread.
+//! Planner of a steered robot, in its own thread: receives requests, and returns the part of each horizon that is played
+//! ([`Stretch`]).
 
 use crate::pilot::{Request, SteeringRequest};
 use rollwalk_planner::receding::{
@@ -62,7 +63,7 @@ impl Courses {
         Self { route, course: None, walks: false }
     }
 
-    /// Plans the next stretch of a request. When `is_over` returns true, the solver stops and returns its best samples.
+    /// Plans the next horizon of a request. When `is_over` returns true, the solver stops and returns its best samples.
     ///
     /// # Errors
     /// Returns an error if no plan continues the course.
@@ -96,10 +97,10 @@ impl Courses {
     }
 }
 
-/// Planned stretch and its planning time.
+/// Planned part of a horizon, and the planning time.
 #[derive(Debug)]
 pub struct PlannedStretch {
-    /// Request of the stretch.
+    /// Request that it answers.
     pub request: Request,
     pub stretch: Result<Stretch, CourseError>,
     /// Planning time.
@@ -109,7 +110,7 @@ pub struct PlannedStretch {
 #[derive(Debug)]
 pub struct Planner {
     pub requests: Sender<Request>,
-    /// Receiver of the stretches.
+    /// Receiver of planned parts of horizons.
     pub planned: Receiver<PlannedStretch>,
 }
 

@@ -13,11 +13,11 @@ const HARD: f64 = 2.0;
 /// Differences between the planned robot and the simulated one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mismatch {
-    /// Factor on the planned masses and inertias of all links.
+    /// Scale factor of the planned masses and inertias of all links.
     pub mass: f64,
     /// Friction coefficient of all feet, wheels and blades; `None` for the planned coefficients.
     pub friction: Option<f64>,
-    /// Factor on the usual stiffness of ground contacts. Their damping ratio does not change.
+    /// Scale factor of the usual stiffness of ground contacts. Their damping ratio does not change.
     pub contact_stiffness: f64,
     /// Time in closed loop from a measurement until its set-points act, s.
     pub delay_s: f64,

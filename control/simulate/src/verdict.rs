@@ -26,7 +26,7 @@ pub enum Verdict {
     Holds,
     /// Motion that falls, or deviates from its planned displacement.
     Fails {
-        /// Factor on the usual contact stiffness at which the motion fails.
+        /// Scale factor of the usual contact stiffness at which the motion fails.
         contact_stiffness: f64,
         /// Reason of the failure.
         #[serde(flatten)]
@@ -34,7 +34,7 @@ pub enum Verdict {
     },
     /// Step of the simulation without a solution.
     Unsolved {
-        /// Factor on the usual contact stiffness at which the step has no solution.
+        /// Scale factor of the usual contact stiffness at which the step has no solution.
         contact_stiffness: f64,
         /// Simulated time, s.
         at_s: f64,

@@ -41,7 +41,7 @@ pub(crate) struct TrackedPoint {
 }
 
 impl Correction {
-    /// Creates zero corrections for a plan with these gains.
+    /// Creates zero corrections for a plan with the given gains.
     pub fn new(gains: Gains, tree: &Tree) -> Self {
         let feet = tree.robot().end_effectors.len();
         let none = vec![Vector3::zeros(); feet];

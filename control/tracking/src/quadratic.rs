@@ -87,7 +87,7 @@ impl Solver {
     /// Maximum number of steps of a solve.
     pub const STEPS_MAX: u32 = 500;
 
-    /// Creates a solver for programs with at most these numbers of unknowns and constraints.
+    /// Creates a solver for programs with at most the given numbers of unknowns and constraints.
     pub fn new(unknowns: usize, constraints: usize) -> Self {
         Self {
             x: DVector::zeros(unknowns),

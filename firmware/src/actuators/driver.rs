@@ -48,7 +48,7 @@ pub struct BusDriver {
     pub transmission: Option<Transmission>,
     /// True if the latest search found nothing to send, and nothing was added since.
     pub idle: bool,
-    /// True if a frame was sent in this control period.
+    /// True if the bus has sent a frame in the current control period.
     moved: bool,
     /// True if the serial line is reserved for the answer to a query until the end of the control period.
     pub listening: bool,

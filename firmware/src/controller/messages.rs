@@ -30,7 +30,7 @@ const SLOWEST_HZ: u16 = 20;
 
 /// Largest number of frames a second of a tracked robot's link: 95 % of 1 Mbit/s, with 8 bytes and most stuffing bits each.
 const MOST_LINK_FRAMES: u32 = 7000;
-/// Frames of a sample and its answer beside those of the channels.
+/// Number of frames of a sample and its answer in addition to one JOINT and one SETPOINT for each channel.
 const SAMPLE_FRAMES: u32 = 4;
 
 /// Values acknowledged with an accepted command: the motion, and a nonce or a number of frames.

@@ -48,7 +48,7 @@ pub enum Reply {
     Data(Vec<u8, 80>),
     /// Send the handshake.
     Accepted,
-    /// Send the handshake, then use this address.
+    /// Send the handshake, then use the given address.
     Address(u8),
     /// Send the handshake and reset the endpoints. The flag is true if the device is configured.
     Configured(bool),

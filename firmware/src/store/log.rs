@@ -132,7 +132,7 @@ impl Log {
         units.min_by_key(|&(_, newest)| newest).map_or(0, |(unit, _)| unit)
     }
 
-    /// Registers a record of this generation in a unit.
+    /// Registers a record of the given generation in a unit.
     fn note(&mut self, unit: usize, generation: u32) {
         if let Some(newest) = self.newest.get_mut(unit) {
             *newest = (*newest).max(Some(generation));

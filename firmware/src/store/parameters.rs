@@ -34,7 +34,7 @@ const SHORT_CHANNELS: usize = 24;
 const LONG_CHANNELS: usize = 64;
 const MAGIC: u8 = 0xB3;
 
-/// Length of the sets of a robot with this number of channels, bytes.
+/// Length of the sets of a robot with the given number of channels, bytes.
 pub const fn set_len(channels: usize) -> usize {
     let channels = if channels <= SHORT_CHANNELS { SHORT_CHANNELS } else { LONG_CHANNELS };
     // Saturates for the compiler, which checks the arithmetic of the firmware.

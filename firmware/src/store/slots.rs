@@ -34,7 +34,7 @@ pub enum GeometryError {
     Capacity,
 }
 
-/// Checks that the store can use this flash.
+/// Checks that the store can use the given flash.
 pub(super) fn check<F: MappedFlash>(flash: &F) -> Result<(), GeometryError> {
     // 0 does not divide.
     let divides = |size| RECORD_LEN.is_multiple_of(size);

@@ -41,7 +41,7 @@ pub struct Servo {
     set_at: u32,
     /// Set-points since the servo was last enabled, with kp for a joint.
     pub setpoints: Vec<(f32, f32)>,
-    /// Torques of these set-points, N·m.
+    /// Torques of the recorded set-points, N·m.
     pub torques: Vec<f32>,
     /// Latest torque before it was scaled together with the gains to keep the sum within the limit, N·m.
     meant_nm: f32,

@@ -181,7 +181,7 @@ enum LinkEffect {
     Arrives,
     IsLost,
     ArrivesTwice,
-    /// Arrives after this many other frames.
+    /// Arrives after the given number of later frames.
     IsOvertaken(usize),
 }
 

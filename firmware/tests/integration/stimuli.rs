@@ -31,9 +31,9 @@ pub enum Stimulus {
     Estop,
     Board,
     TimeJump(i64),
-    /// A set-point, followed by this many frames of all channels that continue it.
+    /// A set-point, followed by the given number of frames of all channels with the same values.
     Setpoints(u8, Setpoint),
-    /// Answers to this many samples, with this set-point in each.
+    /// Answers to the given number of samples, each with the given set-point.
     Answers(u8, Setpoint),
 }
 

@@ -8,7 +8,7 @@ use rollwalk_protocol::faults::{Fault, Severity};
 use rollwalk_protocol::wire::{Action, CommandResult, Node, Setpoint, State};
 use std::f32::consts::TAU;
 
-/// Number of frames by which the host of these tests is ahead.
+/// Number of frames by which the simulated host is ahead of the controller.
 const LEAD: u16 = 6;
 /// Number of control periods in a frame.
 const TICKS: u32 = 2;

@@ -53,7 +53,7 @@ impl Latency {
         Some(Self { setting, ms })
     }
 
-    /// True if servo positions arrive too late at this latency.
+    /// True if the latency is so long that servo positions arrive too late.
     pub fn is_long(&self) -> bool {
         self.ms > LATENCY_MS
     }

@@ -81,9 +81,9 @@ pub enum ButtonAction {
 /// Motion that a button plays.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MotionChoice {
-    /// Motion with this command code.
+    /// Motion with the given command code.
     Code(u8),
-    /// Motion with this name in the library.
+    /// Motion with the given name in the library.
     Named(String),
 }
 

@@ -81,7 +81,7 @@ impl AxisDirection {
 /// Input that can be pressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Input {
-    /// Button with this number.
+    /// Button with the given number.
     Button(u16),
     /// Axis pushed more than half of its travel in a direction.
     Push(AxisDirection),

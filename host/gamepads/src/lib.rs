@@ -37,7 +37,7 @@ pub fn shipped() -> impl Iterator<Item = (&'static str, &'static str)> {
     SHIPPED.iter().copied()
 }
 
-/// Shipped mapping that is made for a device with this name.
+/// Shipped mapping that is made for a device with the given name.
 pub fn shipped_for(device: &str) -> Option<Mapping> {
     let mut all = shipped().filter_map(|(path, text)| Mapping::from_toml(path, text).ok());
     all.find(|mapping| mapping.devices.iter().any(|part| device.contains(part.as_str())))

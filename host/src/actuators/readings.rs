@@ -27,7 +27,7 @@ pub enum ReadingWarning {
 }
 
 impl ReadingWarning {
-    /// Warnings about a servo with these limits.
+    /// Warnings about a servo with the given limits.
     pub fn all(readings: &ActuatorReadings, limits: ServoLimits) -> Vec<Self> {
         let ServoLimits { min_v, max_v, max_c } = limits;
         let is_hot = readings.temperature_c.is_some_and(|of| of > f32::from(max_c) - HOT_C);

@@ -73,7 +73,7 @@ pub enum Presence {
     Always,
     /// Present in every frame; its value selects which other signals are present.
     Selector,
-    /// Present if the selector has this value.
+    /// Present if the selector has the given value.
     When(u64),
 }
 

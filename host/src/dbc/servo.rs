@@ -178,7 +178,7 @@ fn measured(layout: Layout) -> Layout {
     pose(layout).steps("torque", 16, 5e-3).unit("Nm").flags(8, status_flags(&[]))
 }
 
-/// Status bit of telemetry beside those of an actuator.
+/// Status bit that JOINT has in addition to the status bits of an actuator.
 const UNANSWERED: [(u8, &str, &str); 1] =
     [(ActuatorStatus::UNANSWERED, "unanswered", "No answer; the other values are older")];
 

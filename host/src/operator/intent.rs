@@ -7,7 +7,7 @@ use crate::tracking::Tracking;
 pub enum Intent {
     /// Switch torque on, in two steps.
     Arm,
-    /// Play the motion with this command code, at the current speed setting.
+    /// Play the motion with the given command code, at the current speed setting.
     Play {
         /// Command code of the motion.
         code: u8,
@@ -33,7 +33,7 @@ pub enum Intent {
     Stream,
     /// Send measurements, and follow the set-points that [answer](super::Operator::answer) them, beginning in SAFE.
     Track(Tracking),
-    /// State of the deadman. Without such an intent there is no deadman.
+    /// State of the deadman switch. A host that never sends this intent has no deadman.
     Deadman(Deadman),
     /// Return to SAFE, switch torque off and end the session. A second request ends the session at once.
     Quit,

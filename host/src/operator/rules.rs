@@ -75,7 +75,7 @@ impl Operator {
         ))
     }
 
-    /// Handles an emergency stop of this or another node.
+    /// Handles an emergency stop that this host or another node has sent.
     pub(super) fn stopped(&mut self) {
         if self.latch != Latch::Stopped {
             self.latch = Latch::Stopped;

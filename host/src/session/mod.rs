@@ -36,7 +36,7 @@ const HELLO_SENDS: u32 = 20;
 const STOP_TIMEOUT_US: u64 = 3_000_000;
 /// Timeout for feedback of all actuators, µs.
 const FEEDBACK_TIMEOUT_US: u64 = 500_000;
-/// Interval between attempts to arm until this feedback has arrived, µs.
+/// Interval between attempts to arm while feedback of an actuator is missing, µs.
 const FEEDBACK_RETRY_US: u64 = 50_000;
 /// Timeout of aligning, returning to SAFE and damping, µs.
 const STATE_TIMEOUT_US: u64 = 30_000_000;

@@ -97,7 +97,7 @@ impl SolvedStep<'_> {
         force.downcast_ref().expect("a parameter's force is of its kind")
     }
 
-    /// Evaluates `what` at the motions with which the force was evaluated.
+    /// Calls `what` with the motions of the bodies at which the solver evaluated the force.
     pub fn view<T>(&self, force: usize, what: impl FnOnce(&View<'_>) -> T) -> T {
         let bodies = self.step.forces[force].bodies();
         let of = |all: &[BodyMotion]| -> Vec<BodyMotion> {

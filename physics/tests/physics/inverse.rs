@@ -197,8 +197,8 @@ fn robot(name: &str) -> Robot {
 const STEP_S: f64 = 1.0 / 60.0;
 const STEPS: usize = 90;
 
-/// Robot that crouches and sways, with a factor on the gains of its servos. Offsets of the targets are ordered by knot, then
-/// joint.
+/// Robot that crouches and sways, with a scale factor of the gains of its servos. Offsets of the targets are ordered by knot,
+/// then joint.
 struct Crouch {
     robot: Robot,
     gain: f64,

@@ -43,7 +43,7 @@ impl MotionText {
         Self { document: file.text.parse().unwrap_or_default(), name: file.name }
     }
 
-    /// File name without folder and extension. Parameters refer to the motion by this stem.
+    /// File name without folder and extension, by which parameters refer to the motion.
     fn stem(&self) -> &str {
         Path::new(&self.name).file_stem().and_then(|stem| stem.to_str()).unwrap_or_default()
     }
@@ -71,7 +71,7 @@ pub struct Variant {
     pub values: Vec<f64>,
     /// Text of the robot file, comments kept.
     pub text: String,
-    /// Robot of this text.
+    /// Robot that the text describes.
     pub robot: Robot,
     /// Texts of the motion files, comments kept.
     pub motion_texts: Vec<String>,

@@ -35,7 +35,7 @@ pub enum PlansError {
     /// The caller stopped the work.
     #[error("interrupted")]
     Interrupted,
-    /// The robot is invalid at these values of the parameters.
+    /// The robot is invalid at the given values of the parameters.
     #[error(transparent)]
     Robot(#[from] DocumentError),
     /// The robot cannot do a motion, so that the plan has no derivatives.

@@ -39,9 +39,9 @@ const ROUNDS: usize = 8;
 const IN_VAIN: usize = 2;
 /// Largest ratio of the worst violation to the best previous one for a round with sufficient decrease.
 const LESS: f64 = 0.7;
-/// Factor on the pull after a round without sufficient decrease. Some violations, such as that of a tilt, depend on a parameter
-/// only to second order. Near the feasible value their slope vanishes, so the pull dominates and multipliers overshoot. With a
-/// weaker pull the penalties converge.
+/// Factor by which the pull is multiplied after a round without sufficient decrease. Some violations, such as that of a tilt,
+/// depend on a parameter only to second order. Near the feasible value their slope vanishes, so the pull dominates and
+/// multipliers overshoot. With a weaker pull the penalties converge.
 const FADES: f64 = 0.1;
 /// Maximum number of iterations of a plan in a round.
 const ITERATIONS: usize = 60;

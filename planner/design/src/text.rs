@@ -186,12 +186,12 @@ impl RobotText {
         }
     }
 
-    /// Model of an actuator; `None` if the file has no actuator with this name.
+    /// Model of an actuator; `None` if the file has no actuator with the given name.
     pub(crate) fn model_of(&self, actuator: &str) -> Option<&str> {
         self.document.get("actuator")?.get(actuator)?.get("model")?.as_str()
     }
 
-    /// Parts of links that name this actuator.
+    /// Parts of links that name the given actuator.
     pub(crate) fn parts_of(&mut self, actuator: &str) -> Vec<&mut dyn TableLike> {
         let links = self.everywhere("link").into_iter();
         let parts = links.flat_map(|link| inner(link, "parts"));

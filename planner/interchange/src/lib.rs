@@ -1,4 +1,4 @@
-//! Robots and plans in the formats of other tools, so that they need nothing of ours to read them.
+//! Robots and plans in the formats of other tools, which read them without Rollwalk.
 //!
 //! | format | of | for |
 //! |---|---|---|
@@ -9,8 +9,7 @@
 //! | [`motion_data`] | a plan as arrays of NumPy | learning: mjlab, Isaac Lab |
 //! | [`foxglove`] | a plan as an MCAP file; robots as messages | Foxglove, Lichtblick |
 //!
-//! Formats go out here and nothing comes in: `rollwalk_robot::urdf` imports. Texts are values; the same robot or plan gives the
-//! same text.
+//! This crate only exports; `rollwalk_robot::urdf` imports. Functions return texts, and equal robots or plans give equal texts.
 //!
 //! ```
 //! use rollwalk_robot::Robot;

@@ -21,7 +21,7 @@ const BASE_POSITIONS: usize = 7;
 const BASE_VELOCITIES: usize = 6;
 /// Numbers of a body in a frame: position, quaternion and velocities.
 const BODY_NUMBERS: usize = 13;
-/// Maximum of these numbers in a file of 4 GiB, each four bytes long.
+/// Maximum number of 4-byte numbers in a file of 4 GiB.
 const NUMBERS_MAX: usize = 1 << 30;
 
 /// Motion data of a plan as an `.npz` file. Frames are at multiples of 1/rate. Without a length, the data have the duration of

@@ -37,7 +37,7 @@ const FAR_LEVEL: f64 = 30.0;
 const DOUBTFUL_LEVEL: f64 = 1.0;
 /// Iterations before the first probe.
 const FIRST: usize = 6;
-/// Factor on the iteration count from one probe to the next.
+/// Ratio of the iteration count at which a probe begins to that of the previous probe.
 const PATIENCE: usize = 3;
 /// Number of nearly flat iterations without improvement of the worst constraint after which a solve is probed, once. Near
 /// misses have small residuals, while their multipliers grow without bound.

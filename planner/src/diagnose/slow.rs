@@ -1,14 +1,16 @@
-//! Motors too slow for the swings of the motion. A diagnosis names them after the requests that could give way.
+//! Detection of motors that are too slow for the swings of the motion. A diagnosis names them after conflicting requests.
 //!
-//! At the point with the least violation, slow joints let footfalls and reach give way. A bound does not: with all joints of
-//! its leg at their limits, a foot has to rise to its swing height in half the swing, and to move its stride in the whole.
+//! The point with the least violation does not show that joints are slow: there, constraints of footfalls and reach are
+//! violated instead. A lower bound of the swing time shows it. With all joints of its leg at their speed limits, a foot has to
+//! rise to its swing height in half the swing, and to cover its stride in the whole swing.
 
 use crate::families::Family;
 use crate::plan::Culprit;
 use crate::problem::Problem;
 use nalgebra::Vector3;
 
-/// Factor on the speed or duration that the bound requires. Joints cannot all turn at their limits, and need time to reverse.
+/// Factor by which a suggested speed or duration exceeds the bound. Joints cannot all turn at their limits, and need time to
+/// reverse.
 const FOR_MOTION: f64 = 1.5;
 
 /// Swing of an end effector.

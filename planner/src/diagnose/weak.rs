@@ -1,7 +1,8 @@
-//! Motors that are too weak for standing in the posture of the motion. A diagnosis names them before anything else.
+//! Detection of motors that are too weak for standing in the posture of the motion. A diagnosis names them before all other
+//! causes.
 //!
-//! The point with the least violation does not reveal such motors. At that point, the robot rests on other limits, such as legs
-//! stretched beyond their joint limits, and much weaker motors pull less.
+//! The point with the least violation does not show such motors. There, other constraints are violated instead, such as limits
+//! of joints in stretched legs.
 
 use crate::families::Family;
 use crate::plan::Culprit;

@@ -41,9 +41,9 @@ const OF_STEP: usize = 60;
 const OF_STEPS: usize = 300;
 /// Iteration limit of a solve for a value slightly smaller than one that almost converged. Such a solve needs few iterations.
 const BACK: usize = 20;
-/// Factor on the goal if no other value is feasible.
+/// Scale factor of the goal if no other value is feasible.
 const NEARER: f64 = 0.5;
-/// Factor on the duration if no other value is feasible.
+/// Scale factor of the duration if no other value is feasible.
 const LONGER: f64 = 3.0;
 /// Maximum number of trials of the goal, and of the duration.
 const TRIALS_WHOLE: usize = 3;

@@ -141,7 +141,7 @@ struct State<T> {
     failed: Vec<bool>,
     /// Number of leading candidates that must find the request impossible before the race ends.
     hopeless_max: usize,
-    /// Number of these candidates that have found it impossible.
+    /// Number of candidates that have found the request infeasible.
     hopeless: usize,
     results: Vec<Option<T>>,
 }

@@ -30,7 +30,7 @@ pub struct Course {
     trims: HashMap<String, Trim>,
     /// Name of the gait in use.
     gait: String,
-    /// Number of samples in a stretch.
+    /// Number of samples of each horizon that are played ([`Stretch`]).
     stretch_samples: u64,
     /// Number of samples so far.
     samples: u64,
@@ -51,11 +51,11 @@ pub struct Stretch {
     pub frames: Vec<Frame>,
     /// Iterations of the solve.
     pub iterations: usize,
-    /// True if the plan of the stretch was accepted. Otherwise the previous plan continues.
+    /// True if the new horizon was accepted. Otherwise the previous horizon continues.
     pub accepted: bool,
-    /// Mean velocity of the body over the stretch: along its heading and to the left, m/s, and yaw rate, rad/s.
+    /// Mean velocity of the body in this part of the horizon: along its heading and to the left, m/s, and yaw rate, rad/s.
     pub velocity: [f64; 3],
-    /// Position of the body over the ground and its heading, at the end of the stretch.
+    /// Position of the body over the ground and its heading, at the end of this part of the horizon.
     pub place: Placement,
 }
 
@@ -125,12 +125,12 @@ impl Course {
         Ok(Self { horizon, begins, plan: None, trims, gait, stretch_samples, samples, frames })
     }
 
-    /// Duration of a stretch, s.
+    /// Duration of the played part of a horizon, s.
     pub fn stretch_s(&self) -> f64 {
         self.stretch_samples as f64 * self.horizon.interval_s()
     }
 
-    /// Changes to another gait with the next stretch. End effectors in the air finish their swing first.
+    /// Changes to another gait with the next horizon. End effectors in the air finish their swing first.
     ///
     /// # Errors
     /// Returns an error if the gait belongs to another robot or has another sample spacing.
@@ -142,7 +142,8 @@ impl Course {
         Ok(())
     }
 
-    /// Plans and returns the next stretch. `progress` is called after every iteration and may stop the solve.
+    /// Plans the next horizon and returns the part that is played. `progress` is called after every iteration and may stop the
+    /// solve.
     ///
     /// # Errors
     /// Returns an error if the horizon cannot be planned, or if no plan covers the stretch. The call may be repeated with
@@ -239,7 +240,7 @@ mod tests {
         optimise(robot, motion, &options, &mut on())
     }
 
-    /// Course in stretches of 0.2 s, from the nominal posture.
+    /// Course that replans every 0.2 s, from the nominal posture.
     fn from_nominal(robot: &Robot, interval_s: f64, duration_s: f64) -> Course {
         let horizon = HorizonOptions { duration_s, ..HorizonOptions::default() };
         Course::new(robot, &nominal(robot), interval_s, 0.2, horizon).expect("it is long enough")
@@ -249,7 +250,7 @@ mod tests {
         robot.joints.iter().map(|joint| joint.nominal_rad).collect()
     }
 
-    /// Steers a course by one command after the other, each for a number of stretches.
+    /// Steers a course by one command after the other, each for a number of horizons.
     fn steered(course: &mut Course, commands: &[(Steering, usize)]) -> Vec<Stretch> {
         let mut stretches = Vec::new();
         for &(steering, count) in commands {
@@ -260,7 +261,7 @@ mod tests {
         stretches
     }
 
-    /// Checks that successive frames respect the limits of the actuators, also between stretches.
+    /// Checks that successive frames respect the limits of the actuators, also from one horizon to the next.
     fn check_frames(robot: &Robot, stretches: &[Stretch]) {
         let config = robot.controller_config().expect("channels");
         let frames: Vec<&Frame> = stretches.iter().flat_map(|stretch| &stretch.frames).collect();

@@ -41,8 +41,8 @@ impl Trim {
         }
     }
 
-    /// Updates the correction with the mean planned velocity of a stretch, minus the sway of the gait: forward and left, m/s,
-    /// and yaw rate, rad/s.
+    /// Updates the correction with the mean planned velocity of the played part of a horizon, minus the sway of the gait: forward
+    /// and left, m/s, and yaw rate, rad/s.
     pub fn update(&mut self, wanted: Steering, velocity: [f64; 3], stretch_s: f64) {
         let wanted = [wanted.forward_m_s, wanted.left_m_s, wanted.turn_rad_s];
         let mut axes = wanted.iter().zip(&self.held);

@@ -234,7 +234,7 @@ impl NormalEquations {
         self.solve_factored(&gradient)
     }
 
-    /// Energy decrease that the quadratic model with this damping predicts for a step.
+    /// Energy decrease that the quadratic model with the given damping predicts for a step.
     pub fn promised_decrease(&self, step: &[f64], damping: f64) -> f64 {
         // −gᵀd − ½ dᵀHd with (H + λ)d = −g equals ½ (λ dᵀd − gᵀd).
         let (mut gd, mut dd) = (0.0, 0.0);

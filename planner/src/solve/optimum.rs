@@ -507,7 +507,7 @@ pub(super) fn weighted(rows: &Rows, shifts: &[f64], slopes: &[f64], columns: usi
     sum
 }
 
-/// Factor on a direction for the difference in a product with the Hessian.
+/// Step along a direction, as a fraction of the direction, for finite differences of Hessian products.
 pub(super) fn difference_length(v: &[f64]) -> f64 {
     DIFFERENCE / v.iter().fold(f64::MIN_POSITIVE, |most, x| x.abs().max(most))
 }

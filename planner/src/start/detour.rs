@@ -271,7 +271,7 @@ impl Corridor {
         Some((sum_m, self.through(&offsets)))
     }
 
-    /// Path with these offsets at the obstacles.
+    /// Path with the given offsets at the obstacles.
     fn through(&self, offsets_m: &[f64]) -> Offsets {
         let beside = self.blocking.iter().zip(offsets_m);
         let passages =

@@ -77,7 +77,7 @@ impl SwingChange {
         }
     }
 
-    /// Number of samples by which a switch of this kind moves later.
+    /// Number of samples by which a switch of the given kind moves later.
     fn moves(self, lifts: bool) -> f64 {
         match (self, lifts) {
             (Self::LiftEarlier, true) | (Self::LandEarlier, false) => -1.0,
@@ -226,7 +226,7 @@ mod tests {
         assert!(longer_swings(&motion).is_empty());
     }
 
-    /// Motion in which one foot has these flags, and the others stand.
+    /// Motion in which one foot has the given flags, and the others stand.
     fn stepping(flags: &str, ends: Ends) -> Motion {
         let robot = &test_robots::all()[0];
         let mut motion = test_robots::motion(robot, ends);

@@ -70,7 +70,7 @@ fn scale_motor(motor: &mut Actuator, s: f64) {
     }
 }
 
-/// Robot of the same shape and material with this mass, on buses without settings.
+/// Robot of the same shape and material with the given mass, on buses without settings.
 fn of_mass(mut robot: Robot, mass_kg: f64) -> (Robot, f64) {
     let s = (mass_kg / robot.total_mass_kg()).cbrt();
     for link in &mut robot.links {

@@ -143,13 +143,13 @@ pub struct WheelSetpoint {
 /// Reason why a command cannot be encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Refusal {
-    /// The protocol has no such address.
+    /// The address is outside the range of the protocol.
     #[error("the address exceeds the largest address of this protocol")]
     Address,
-    /// The protocol has no field for this value, or no such command.
+    /// The protocol lacks a field for the named value, or lacks the named command.
     #[error("this protocol cannot carry {0}")]
     Unsupported(&'static str),
-    /// The protocol requires this value in every such command.
+    /// The command lacks the named value, which the protocol requires.
     #[error("{0} is missing")]
     Missing(&'static str),
     /// Value is NaN, infinite or beyond the protocol's scale.

@@ -23,14 +23,14 @@ pub struct ReceiveBuffer {
 pub(super) struct Parts {
     /// Number of parts.
     pub left: u8,
-    /// CRC of all bytes before these parts.
+    /// CRC of all bytes of the packet before the missing parts.
     pub crc: u16,
 }
 
 /// Answer on a serial line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Answer {
-    /// Answer of the actuator at this address.
+    /// Answer of the actuator at the given address.
     Actuator(u8, Feedback),
     /// Answer of an adapter between the line and all actuators on it.
     Adapter(Feedback),

@@ -69,7 +69,7 @@ pub(crate) struct AttitudeRecord {
     pub up_y: i16,
     #[serde(with = "postcard::fixint::le")]
     pub up_z: i16,
-    /// Largest angle to this direction, mrad.
+    /// Largest angle between this direction and the vertical during the clip, mrad.
     #[serde(with = "postcard::fixint::le")]
     pub spread: u16,
 }

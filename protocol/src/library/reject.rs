@@ -223,7 +223,7 @@ pub enum RejectReason {
         clip: ClipId,
         /// Number of frames of the clip.
         frames: u16,
-        /// Minimum number of frames of such a clip.
+        /// Minimum number of frames of the clip: 2 for a transition, otherwise 1.
         min: u16,
     },
     /// A clip has unknown flags or an invalid attitude, is a transition that loops, or has blocks that do not follow one

@@ -124,7 +124,7 @@ pub enum EncodeError {
         values: usize,
         /// Number of channels of the robot.
         channels: usize,
-        /// Minimum number of frames of such a clip.
+        /// Minimum number of frames of the clip: 2 for a transition, otherwise 1.
         min: usize,
     },
     /// A name is empty or too long.

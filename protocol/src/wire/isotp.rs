@@ -56,7 +56,7 @@ impl Pdu {
         self.data.get(..usize::from(self.len)).unwrap_or(&self.data)
     }
 
-    /// Frame with this payload; excess bits of the identifier are dropped.
+    /// Frame with the given payload; excess bits of the identifier are dropped.
     pub fn frame(&self, id: u16) -> Frame {
         Frame::standard(id & 0x7FF, self.data()).unwrap_or(Frame::known(id, self.data))
     }

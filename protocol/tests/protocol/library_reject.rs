@@ -7,7 +7,7 @@ use rollwalk_protocol::library::{
     Library, LibrarySpec, MotionSpec, Reject, RejectReason, Section, encode, validate,
 };
 
-/// Byte range of the payload of the section with this tag, which must exist.
+/// Byte range of the payload of the section with the given tag, which must exist.
 fn section(bytes: &[u8], tag: usize) -> std::ops::Range<usize> {
     find_section(bytes, tag).expect("every library has it")
 }

@@ -17,7 +17,7 @@ fn u32_at(bytes: &[u8], at: usize) -> Option<usize> {
     usize::try_from(u32::from_le_bytes(*bytes)).ok()
 }
 
-/// Byte range of the payload of the section with this tag; `None` if its header cannot be found.
+/// Byte range of the payload of the section with the given tag; `None` if its header cannot be found.
 pub fn find_section(bytes: &[u8], tag: usize) -> Option<Range<usize>> {
     let mut at = HEADER;
     loop {

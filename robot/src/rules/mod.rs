@@ -30,7 +30,7 @@ pub enum Item {
     Joint(usize),
     /// `end_effectors[i]`.
     EndEffector(usize),
-    /// Bus with this number.
+    /// Bus with the given number.
     Bus(u8),
 }
 

@@ -28,7 +28,7 @@ pub(super) struct Draft {
     pub passive: Vec<usize>,
     /// Joints that the draft locks because a controller has too few channels.
     pub idle: Vec<usize>,
-    /// Channels without these locks.
+    /// Number of channels if no joint were locked to reduce it.
     pub channels: usize,
 }
 

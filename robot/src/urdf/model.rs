@@ -82,7 +82,7 @@ pub(super) struct Joint {
     pub child: String,
     pub parent_from_joint: Isometry3<f64>,
     pub axis: Unit<Vector3<f64>>,
-    /// Joint that this one follows, with the law.
+    /// Joint whose position determines that of this joint (`<mimic>`), with factor and offset.
     pub mimics: Option<Mimic>,
     /// Joints that the motor turns, with radians of the motor per radian; empty for a motor of this joint alone.
     pub motor_per_joint: Vec<(String, f64)>,
@@ -110,11 +110,11 @@ pub(super) struct Mimic {
 pub(super) struct Linkage {
     /// Link that carries the crank.
     pub link: String,
-    /// Pivot of the crank in this link, m.
+    /// Pivot of the crank in the link of the motor, m.
     pub pivot_m: Vector3<f64>,
-    /// Pin between crank and rod in this link, m.
+    /// Pin between crank and rod in the link of the motor, m.
     pub pin_m: Vector3<f64>,
-    /// Axis of the motor in this link.
+    /// Axis of the motor in its link.
     pub axis: Vector3<f64>,
     /// End of the rod in the link that the joint moves, m.
     pub rod_end_m: Vector3<f64>,

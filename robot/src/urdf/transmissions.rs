@@ -1,7 +1,7 @@
 //! `<transmission>`: two motors that turn two joints, by a differential or by a belt past the first joint.
 //!
-//! The types are those of ROS: <https://docs.ros.org/en/noetic/api/transmission_interface/html/c++/>. With the reductions n of the
-//! joints and motor angles x at the output of the gearboxes,
+//! The types are those of ROS: <https://docs.ros.org/en/noetic/api/transmission_interface/html/c++/>. With the reductions n of
+//! the joints and motor angles x at the output of the gearboxes,
 //!
 //! ```text
 //! differential       x₁ = n₁ q₁ + n₂ q₂     x₂ = n₁ q₁ − n₂ q₂
@@ -73,7 +73,7 @@ fn kind(transmission: Node<'_, '_>) -> Option<String> {
     Some(kind.to_ascii_lowercase())
 }
 
-/// Children of a transmission with this tag.
+/// Children of a transmission with the given tag.
 fn parts<'a, 'i>(
     transmission: Node<'a, 'i>,
     tag: &'static str,

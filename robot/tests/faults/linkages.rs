@@ -52,7 +52,7 @@ fn index(robot: &Robot, name: &str) -> usize {
     robot.joints.iter().position(|joint| joint.name == name).unwrap()
 }
 
-/// Joint angles with these of shoulder and elbow.
+/// Nominal joint angles, except the given angles of shoulder and elbow.
 fn angles(robot: &Robot, [shoulder, elbow]: [f64; 2]) -> Vec<f64> {
     let mut angles: Vec<_> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
     angles[index(robot, "shoulder")] = shoulder;

@@ -36,7 +36,7 @@ pub enum FramePath {
 pub enum FaultKind {
     /// Frames are lost, delayed or damaged after the bus.
     Stream(FramePath, StreamFault),
-    /// A foreign node sends this frame at this interval.
+    /// A foreign node sends the given frame periodically.
     Babble(Interface, Frame, SimTime),
     /// Missing acknowledgement on this bus, so that the sender repeats its frame. A serial line is cut instead: bytes sent on
     /// it are lost.
@@ -123,7 +123,7 @@ impl Faults {
         edges.filter(|&at| at > now).min()
     }
 
-    /// True if a fault may change, delay or lose frames on this path.
+    /// True if a fault may change, delay or lose frames on the given path.
     fn is_disturbed(&self, now: SimTime, path: FramePath) -> bool {
         let waits = self.streams.get(&path).is_some_and(|stream| !stream.is_empty());
         waits || self.on(now).any(|kind| matches!(kind, FaultKind::Stream(on, _) if *on == path))

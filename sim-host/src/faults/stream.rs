@@ -13,7 +13,7 @@ const OVERTAKEN_WITHIN: SimTime = SimTime::from_ms(100);
 /// Effect on frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StreamFault {
-    /// Loses this fraction of the frames, ‰.
+    /// Loses the given fraction of the frames, ‰.
     Lose(u16),
     /// Repeats the given fraction of the frames (‰) once, within the given time.
     Repeat(u16, SimTime),
@@ -23,7 +23,7 @@ pub enum StreamFault {
     Delay(SimTime, SimTime),
     /// Flips one to four bits of the payload in this fraction of the frames, ‰.
     Damage(u16),
-    /// Truncates this fraction of the frames, ‰.
+    /// Truncates the given fraction of the frames, ‰.
     Cut(u16),
     /// Delays all frames until the fault ends, and then releases them together.
     Hold,

@@ -75,7 +75,7 @@ impl std::fmt::Debug for Key {
 #[serde(tag = "intent", rename_all = "snake_case")]
 pub enum OperatorCommand {
     Arm,
-    /// Play the motion with this code.
+    /// Play the motion with the given code.
     Play {
         code: u8,
     },

@@ -68,7 +68,7 @@ impl From<OperatorCommand> for Intent {
 /// Store of the names of libraries that were built or flashed on this computer, by which the page names a robot's motions.
 #[derive(Clone, Copy, Debug)]
 pub struct Names {
-    /// Returns the names of the library with this identity.
+    /// Returns the names of the library with the given identity.
     pub find: fn(u32) -> Option<Catalog>,
     pub keep: fn(&Catalog),
 }

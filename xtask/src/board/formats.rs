@@ -14,7 +14,7 @@ pub enum Format {
     Elf,
     /// Flat binary: the content of flash from its first byte on.
     Bin,
-    /// UF2 blocks with their addresses, for this chip family.
+    /// UF2 blocks with their addresses, for the given chip family.
     Uf2(u32),
 }
 

@@ -144,7 +144,7 @@ pub fn run(options: &Options) -> Result<(), String> {
     Ok(())
 }
 
-/// Cargo features of the boards for these keys.
+/// Cargo features of the boards for the given keys.
 fn features(keys: &KeyFiles) -> String {
     let features = [(&keys.link_key, "authenticated"), (&keys.library_key, "signed")];
     let wanted = features.into_iter().filter(|(key, _)| key.is_some()).map(|(_, feature)| feature);

@@ -69,7 +69,7 @@ fn package(published: &[Published], extent: Extent) -> Result<(), String> {
     shell::run(&mut package)
 }
 
-/// Target folder of cargo for these packages, separate from that of `cargo xtask package`.
+/// Target folder of cargo for the given packages, separate from that of `cargo xtask package`.
 fn folder() -> PathBuf {
     shell::target_folder().join("crates")
 }

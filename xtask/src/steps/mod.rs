@@ -14,7 +14,7 @@ pub use run::Run;
 
 /// Step of a command; `--only` selects it by its name.
 pub trait Step: ValueEnum + 'static {
-    /// Subcommand of `cargo xtask` with these steps.
+    /// Subcommand of `cargo xtask` with the given steps.
     const COMMAND: &'static str;
     /// Name of the step for `--only`.
     fn name(&self) -> String {

@@ -43,7 +43,7 @@ const FLASH_WITHIN: SimTime = SimTime::from_ms(30_000);
 /// Frame loss above which an operator can stop the robot but not arm it, per mille. Runs begin without such a loss; it starts
 /// with the fault.
 const HOPELESS: u16 = 500;
-/// Duration of such a loss.
+/// Duration of a frame loss above [`HOPELESS`].
 const HOPELESS_FOR: SimTime = SimTime::from_ms(20_000);
 /// Multiplier of the hash that combines scenario, loss and seed: 2⁶⁴ over the golden ratio (Fibonacci hashing).
 const MIXER: u64 = 0x9E37_79B9_7F4A_7C15;

@@ -35,7 +35,7 @@ const STEP_S: f64 = 5e-3;
 const STEPS: usize = 200;
 /// Number of final steps in which the solid should have the height of its target pose.
 const UPRIGHT: usize = 100;
-/// Weight of the height in these steps.
+/// Weight of the heights of the nodes in the last [`UPRIGHT`] steps.
 const WEIGHT: f64 = 0.5;
 /// Distance of the wall, m. The wall faces backward along y, and has twice the friction of the floor.
 const WALL_M: f64 = 0.2;
@@ -110,7 +110,13 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
             1e-3,
         ),
         Check::at_most("with the wall: simulations", "319", count(&by_wall), 400.0),
-        Check::new("with the wall: contacts in order, floor f, wall w", "f w", "", &sequence, None),
+        Check::new(
+            "with the wall: sequence of contacts with floor (f) and wall (w)",
+            "f w",
+            "",
+            &sequence,
+            None,
+        ),
     ];
     let charts = vec![Chart {
         name: "best".to_owned(),

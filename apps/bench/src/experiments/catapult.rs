@@ -225,7 +225,7 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
         ],
     }];
     let setup = format!(
-        "solid of a body, a head and two ears on a grid of 24 × 21 × 31 distances, {BUNNY_KG} kg, \
+        "solid with a body, a head and two ears, given as a signed distance field of 24 × 21 × 31 samples, {BUNNY_KG} kg, \
          in a cloth of {COUNT} × {COUNT} nodes, {EDGE_M} m and {CLOTH_KG} kg. Each of four corners \
          moves along smooth curves of {KNOTS} knots: {} parameters, {STEPS} steps of 1/60 \
          s, β 1e-4. Target: {:?} m from the initial position of the solid, after 1 s. \

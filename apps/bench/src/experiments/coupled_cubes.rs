@@ -86,7 +86,7 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     };
     let yaws = Chart {
         name: "yaw".to_owned(),
-        title: "Three bodies linked by springs: turn about the vertical".to_owned(),
+        title: "Turn about the vertical of three bodies linked by springs".to_owned(),
         x: "time, s".to_owned(),
         y: "yaw, °".to_owned(),
         logarithmic: false,

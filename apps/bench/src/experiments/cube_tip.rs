@@ -139,8 +139,7 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
             1.0,
             (
                 3.0,
-                "this is the distance after landing, which later poses do not change; a larger \
-                 weight changes the result, as the next rows show",
+                "after the cube has landed, the gripper cannot change this distance; with a larger weight the result differs, as the next rows show",
             ),
         ),
         Check::informative("distance after landing, mm", "", off_mm(&landed)),
@@ -163,7 +162,7 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
             5.0,
         ),
         Check::informative(
-            "distance from the target, from a gripper at rest, mm",
+            "distance from the target, if the search starts from a gripper at rest, mm",
             "",
             off_mm(&rested.rollout.motions(STEPS)[CUBE]),
         ),

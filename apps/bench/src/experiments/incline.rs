@@ -184,7 +184,13 @@ fn compare(outcome: &mut ExperimentOutcome, watch: &dyn Watch) -> Option<()> {
         ),
         Check::at_most("steps that did not converge, SQP", "", f64::from(exact.halved), 0.0),
         Check::informative("stopping distance, m, SQP", "", exact.way_m()),
-        Check::new("programs of steps 60 and 150, SQP", "many and few", "", &iterations, None),
+        Check::new(
+            "quadratic programs solved in steps 60 and 150, SQP",
+            "many, then few",
+            "",
+            &iterations,
+            None,
+        ),
         Check::informative("CPU time of SQP / CPU time of linear", "2.5", exact_s / linear_s),
     ]);
     curves.push(("SQP".to_owned(), exact.speeds_m_s));

@@ -32,7 +32,7 @@ const THESIS_POINTS: [usize; 2] = [51, 71];
 const ROUGH_SAMPLES: usize = 40;
 /// Number of random points at which the gradient is compared with finite differences.
 const SAMPLES: usize = 20;
-/// Step of these finite differences, m/s.
+/// Step of the finite differences of velocities, m/s.
 const DIFFERENCE_M_S: f64 = 1e-6;
 /// Number of smoothing rounds before minima are counted.
 ///

@@ -147,7 +147,7 @@ fn parameters(shares: [f64; 2], shift: Vector3<f64>, velocity: Vector3<f64>) -> 
     all
 }
 
-/// Simulates a bounce with these parameters.
+/// Simulates a bounce with the given parameters.
 fn simulate(ball: &Throw, parameters: &[f64], steps: usize) -> Option<Rollout> {
     let (mut system, body, contacts) = ball.system();
     let elements = 0..ball.mesh.elements.len();

@@ -33,8 +33,13 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let root: f64 = 4.0 * STIFFNESS_N_M * MASS_KG - DAMPING_N_S_M * DAMPING_N_S_M;
     let closed = (-PI * DAMPING_N_S_M / root.sqrt()).exp();
     let checks = vec![
-        Check::at_most("spread of restitution, k/N²", "constant", spread(&shared), 0.02),
-        Check::at_least("spread of restitution, one k for all points", "", spread(&alike), 0.02),
+        Check::at_most(
+            "spread of restitution, stiffness k/N² per point",
+            "constant",
+            spread(&shared),
+            0.02,
+        ),
+        Check::at_least("spread of restitution, stiffness k per point", "", spread(&alike), 0.02),
         Check::near("restitution, k/N², 2 points an edge", shared[0].1, closed, 0.02),
     ];
     let chart = Chart {

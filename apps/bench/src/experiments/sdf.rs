@@ -128,7 +128,7 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let mut checks = Vec::new();
     for (k, name) in names.into_iter().enumerate() {
         let order = (found[1].1[k] / found[3].1[k]).log2() / 2.0;
-        let what = format!("order in which the {name} converges, 24 to 96 cells");
+        let what = format!("order of convergence of the {name}, 24 to 96 cells");
         checks.push(match k {
             0 => Check::at_least(&what, "", order, 1.9),
             _ => Check::informative(&what, "", order),

@@ -54,9 +54,13 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
         ),
         Check::at_most("largest O of a stage / O of the previous stage", "", worse, 1.0),
         Check::informative("simulations", "", rollouts as f64),
-        Check::informative("O/O0 from the start with the stiffest contacts", "", direct.share()),
         Check::informative(
-            "simulations from the start with the stiffest contacts",
+            "O/O0 if the search begins with the stiffest contacts",
+            "",
+            direct.share(),
+        ),
+        Check::informative(
+            "simulations if the search begins with the stiffest contacts",
             "",
             direct.rollouts() as f64,
         ),

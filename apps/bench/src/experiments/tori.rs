@@ -60,7 +60,7 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     }
     let drift = drift(CELLS, 200)?;
     outcome.checks.push(Check::at_most(
-        "fraction of the angular momentum lost in 0.2 s of flight, deformed",
+        "fraction of the angular momentum that deformed tori lose in 0.2 s of flight",
         "conserved",
         drift,
         1e-3,

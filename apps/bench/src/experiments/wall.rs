@@ -92,10 +92,15 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
         curves,
     };
     let charts = vec![
-        chart("above", "Paths to the target via wall (w) and floor (f), from above", "y, m", above),
+        chart(
+            "above",
+            "Paths to the target by way of wall (w) and floor (f), from above",
+            "y, m",
+            above,
+        ),
         chart(
             "side",
-            "Paths to the target via wall (w) and floor (f), from the side",
+            "Paths to the target by way of wall (w) and floor (f), from the side",
             "z, m",
             side,
         ),

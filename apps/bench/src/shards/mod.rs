@@ -115,7 +115,7 @@ impl Options {
         self.shard.is_some() || self.shards.is_some()
     }
 
-    /// True if any of these options is given.
+    /// True if any option of sharding is given.
     pub fn is_given(&self) -> bool {
         self.is_split() || self.cores.is_some()
     }

@@ -22,7 +22,7 @@ use std::path::PathBuf;
 /// Steer the robot from a terminal: state, faults, motion graph, joints, and a key for every motion.
 ///
 /// The console is the robot's only host: it sends the heartbeat that keeps an armed robot armed. When the heartbeat ends,
-/// the robot returns to SAFE by itself. SPACE or Esc is the emergency stop; `q` returns the robot to SAFE, disarms it and
+/// the robot returns to SAFE automatically. SPACE or Esc is the emergency stop; `q` returns the robot to SAFE, disarms it and
 /// quits; `?` lists all keys.
 #[derive(clap::Args)]
 #[command(after_long_help = "\

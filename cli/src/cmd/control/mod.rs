@@ -35,9 +35,9 @@ use std::path::PathBuf;
 /// With a library file and --bus this command is the robot's host. It plans the motions and transitions of the library, arms
 /// the robot, and plays the motions of --play in order, from SAFE to SAFE. The controller sends measurements 120 times a
 /// second, or at --rate, and the program answers each with a set-point and a torque for every motor. All limits and watchdogs
-/// of the controller stay in force: without answers the robot holds still, and after 1.25 s the controller lets it down where
-/// it is. The robot needs an IMU, motors that accept torques, and the same library in its flash. Ctrl-C completes the current
-/// cycle and returns the robot to SAFE; a second Ctrl-C ends the program at once.
+/// of the controller stay in force: without answers the robot holds still, and after 1.25 s it sinks with damped joints. The
+/// robot needs an IMU, motors that accept torques, and the same library in its flash. Ctrl-C completes the current cycle and
+/// returns the robot to SAFE; a second Ctrl-C ends the program at once.
 ///
 /// With a plan this command serves another simulator over standard input and output: it reads lines of measurements and writes
 /// lines of set-points. The first output line describes the plan, the order of channels, joints, wheels and end effectors, and

@@ -46,7 +46,7 @@ impl PlannedLibrary {
         self.conductor_for(play, rate_hz, identity(&self.file).expect("a library"))
     }
 
-    /// Creates a conductor that expects a controller with this library.
+    /// Creates a conductor that expects a controller with the given library.
     fn conductor_for(&self, play: &[&str], rate_hz: u32, library: u32) -> Conductor<'_> {
         let play: Vec<Play> = play.iter().map(|text| text.parse().expect("a motion")).collect();
         let legs = route::legs(&self.library, &self.plans, &play).expect("a way");

@@ -36,7 +36,7 @@ use std::path::PathBuf;
 /// step. With --steer no terminal is needed: the program arms the robot, steers it by the list, and disarms it.
 ///
 /// This program is the robot's host: it sends the heartbeat that keeps an armed robot armed. After a quarter of a second
-/// without set-points the robot holds its pose, and is then let down.
+/// without set-points the robot holds its pose, and then sinks with damped joints.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:

@@ -129,7 +129,7 @@ fn unfit(RejectedRun { path, reason }: &RejectedRun) -> Report {
     miette!(help = help, "{path}: {reason}")
 }
 
-/// Quantities with these names, or the default ones if `names` is empty.
+/// Quantities with the given names, or the default ones if `names` is empty.
 fn chosen(known: &[Quantity], names: &[String], robot: &Robot) -> miette::Result<Vec<Quantity>> {
     if names.is_empty() {
         return Ok(known.iter().filter(|of| of.kind.by_default()).cloned().collect());

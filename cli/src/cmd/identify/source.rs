@@ -103,7 +103,7 @@ impl Source {
 
 struct Change<'a> {
     key: &'static str,
-    /// Factor on the old value.
+    /// Scale factor of the old value.
     share: f64,
     /// Standard deviation divided by the fitted value.
     deviation: f64,

@@ -34,7 +34,7 @@ pub struct Args {
     /// Output motion library.
     #[arg(short, long, value_name = "LIB.rwl")]
     output: PathBuf,
-    /// Sign the library with this private key (`rollwalk keys new-pair`).
+    /// Sign the library with the given private key (`rollwalk keys new-pair`).
     #[arg(long, value_name = "KEY.pem")]
     sign: Option<PathBuf>,
     /// Skip the simulation.

@@ -68,7 +68,7 @@ pub struct Args {
     rotation: RotationArgs,
     #[command(flatten)]
     live: LiveArgs,
-    /// End after this many seconds.
+    /// End after the given number of seconds.
     #[arg(long = "for", value_name = "SECONDS")]
     seconds: Option<f64>,
     /// Print a JSON object for each frame.

@@ -63,7 +63,7 @@ impl Edits {
         Some(StoredEdits { page, by, is_current: before == digest })
     }
 
-    /// Reads the stored edits of these files.
+    /// Reads the stored edits of the open files.
     fn stored(&self) -> Option<EditsFile> {
         let is_short = fs::metadata(&self.place).is_ok_and(|found| found.len() <= BYTES_MAX);
         let text = is_short.then(|| fs::read_to_string(&self.place).ok()).flatten()?;

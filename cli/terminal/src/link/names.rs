@@ -114,7 +114,7 @@ pub fn cache(catalog: &Catalog) {
     cache_data(catalog.library, NAMES, catalog);
 }
 
-/// Cached names of the library with this identity.
+/// Cached names of the library with the given identity.
 pub fn cached(library: u32) -> Option<Catalog> {
     cached_data(library, NAMES).filter(|catalog: &Catalog| catalog.library == library)
 }

@@ -39,7 +39,7 @@ impl SimulationModel {
     }
 }
 
-/// Factor on the bearing stiffness of other simulations.
+/// Scale factor of the bearing stiffness of other simulations.
 const FIRMER: f64 = 30.0;
 
 /// Kind of a fitted quantity.

@@ -239,12 +239,12 @@ impl Recording {
         Self { span_s: none, interval_s: 0.0, drives, position_m, orientation, gyro_rad_s }
     }
 
-    /// Cuts the recording to the longest of some stretches of time, each limited to the requested span.
+    /// Cuts the recording to the longest of some time intervals, each limited to the requested span.
     ///
-    /// In these stretches the robot stands on its own, and its drives are on.
+    /// In these intervals the robot stands on its own, and its drives are on.
     ///
     /// # Errors
-    /// Returns an error if no stretch is at least [`SHORTEST_S`] long, or if nothing was measured in it.
+    /// Returns an error if no interval is at least [`SHORTEST_S`] long, or if nothing was measured in it.
     pub fn cut(
         mut self,
         stretches_s: &[[f64; 2]],
@@ -329,7 +329,7 @@ fn one_sheet(parts: [Series; 4]) -> [Series; 4] {
     [0, 1, 2, 3].map(|part| Series::new(points.iter().map(|all| (all[part][0], all[part][1]))))
 }
 
-/// Stretches of time in which the robot stands on its own and the drives of all joints are on.
+/// Time intervals in which the robot stands on its own and the drives of all joints are on.
 fn active(table: &Table, robot: &Robot, names: &[String], time_s: &[f64]) -> Vec<[f64; 2]> {
     let flags = FLAGS.map(|name| table.column(name));
     let joints = names.iter().take(robot.joints.len());

@@ -17,7 +17,7 @@ const CORRELATED: f64 = 0.95;
 const EXPECTED: f64 = 1.0;
 /// Factors on the friction coefficient to try if nothing slips. Sticking contacts have no derivative with respect to friction.
 const FRICTIONS: [f64; 6] = [0.75, 0.55, 0.4, 0.3, 0.2, 1.5];
-/// Factor on the stiffness and creep friction of contacts for additional starting points.
+/// Scale factor of the stiffness and creep friction of contacts for additional starting points.
 const FIRMNESS: f64 = 4.0;
 /// Largest change of a parameter in an iteration.
 const MOST: f64 = 0.3;

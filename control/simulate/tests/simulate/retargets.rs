@@ -10,7 +10,7 @@ use std::fs;
 use std::ops::ControlFlow;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shipped");
-/// Factor on the servo gains that the motion was planned for.
+/// Scale factor of the servo gains that the motion was planned for.
 const SOFT: f64 = 0.2;
 
 /// Plans a shipped motion and softens the servos of its robot.

@@ -38,7 +38,7 @@ enum Stage {
     Sends(Vec<u8, 80>),
     /// Receives bytes to be ignored.
     Receives,
-    /// Has sent the handshake. Uses this address afterwards.
+    /// Has sent the handshake. Uses the given address afterwards.
     Handshake(Option<u8>),
 }
 

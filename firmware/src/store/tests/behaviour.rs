@@ -286,7 +286,7 @@ impl<const READ: usize, const WRITE: usize> MappedFlash for ResizedFlash<READ, W
     }
 }
 
-/// Errors of both stores on such a flash.
+/// Errors of library store and parameter store on a flash with the given word sizes.
 fn refused<const READ: usize, const WRITE: usize>() -> [Option<GeometryError>; 2] {
     let blank = || ResizedFlash::<READ, WRITE>(RamFlash::new([0xFF; _]));
     [FlashStore::mount(blank(), 3).err(), FlashParameters::<_, 320>::mount(blank()).err()]

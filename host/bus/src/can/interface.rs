@@ -53,7 +53,7 @@ impl Interface {
         }
     }
 
-    /// Command that brings the interface up at this bitrate.
+    /// Command that brings the interface up at the given bitrate.
     pub fn set_up(&self, bitrate: u32) -> String {
         set_up(&self.name, self.is_virtual, bitrate)
     }

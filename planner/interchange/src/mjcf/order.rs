@@ -39,7 +39,7 @@ pub struct Order {
 }
 
 impl Order {
-    /// Order of the model that contains these bodies.
+    /// Order of the model that contains the given bodies.
     pub fn new(robot: &Robot, bodies: &[Body<'_>]) -> Self {
         let mut hinged = Vec::new();
         let mut places = vec![0; bodies.len()];

@@ -30,7 +30,7 @@ pub enum Filter {
 }
 
 impl Contour {
-    /// Filters a profile, and smooths it by a Gaussian with this standard deviation, m.
+    /// Filters a profile, and smooths it by a Gaussian with the given standard deviation, m.
     pub fn of(profile: &Profile, filter: Filter, deviation_m: f64) -> Self {
         let reach_m = match filter {
             Filter::Plain => 0.0,

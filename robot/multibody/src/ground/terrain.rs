@@ -253,7 +253,7 @@ impl HeightField {
         [0, 1].map(|axis| self.lattice.range(axis))
     }
 
-    /// Field smoothed by a Gaussian with this standard deviation, m.
+    /// Field smoothed by a Gaussian with the given standard deviation, m.
     pub fn blurred(&self, deviation_m: f64) -> Self {
         let ranges = [0, 1].map(|axis| self.lattice.range(axis));
         let spacing_m = (0.25 * deviation_m).max(self.lattice.spacing_m);

@@ -39,7 +39,7 @@ struct Drives<'a> {
     follows: HashMap<&'a str, Mimic>,
     /// Joints that the motor of a joint turns, with their ratios.
     ratios: HashMap<&'a str, Vec<(String, f64)>>,
-    /// Inertia of the rotor of such a motor, kg·m².
+    /// Inertia of the rotor, by the joint that the motor turns, kg·m².
     rotors: HashMap<&'a str, f64>,
 }
 

@@ -176,7 +176,7 @@ impl<'u> Tree<'u> {
         self.joint_of.get(link).copied().filter(|&joint| self.urdf.joints[joint].turns())
     }
 
-    /// Hinge of a motor whose link carries this number of links.
+    /// Hinge of a motor whose link carries the given number of links.
     fn crank(&self, link: &str, carries: usize) -> Option<usize> {
         let fits = self.children.get(link).copied().unwrap_or(0) == carries;
         self.hinge(link).filter(|&joint| fits && self.urdf.joints[joint].has_motor)

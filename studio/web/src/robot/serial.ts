@@ -23,7 +23,7 @@ export function choosePort(): Promise<SerialPort> {
   return serial!.requestPort();
 }
 
-/** Port with this identity; null if the browser lists none or several. */
+/** Port with the given identity; null if the browser lists none or several. */
 export async function findPort({ usbVendorId, usbProductId }: SerialInfo): Promise<SerialPort | null> {
   const is = (info: SerialInfo) => info.usbVendorId === usbVendorId && info.usbProductId === usbProductId;
   const found = ((await serial?.getPorts()) ?? []).filter((port) => is(port.getInfo()));

@@ -54,7 +54,7 @@ pub struct Setpoints {
     last: Vec<Option<PreviousSetpoint>>,
     /// Maximum age of the pose that a first set-point repeats; `None` to permit any pose.
     pose_age: Option<SimTime>,
-    /// Poses up to this age, oldest first.
+    /// Recent measured poses with their times, oldest first.
     poses: VecDeque<(SimTime, Vec<f32>)>,
     steps_to_sample: u32,
 }

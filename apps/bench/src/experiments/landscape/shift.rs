@@ -54,10 +54,10 @@ pub fn measure(
             outcome.checks.push(Check::new(&what, "", "", text, None));
         };
         let Some(at) = minimum(&stiff, [forward, upward], watch) else {
-            told("no minimum in steps that resolve contacts", "");
+            told("no minimum found with steps short enough to resolve contacts", "");
             continue;
         };
-        let what = format!("minimum in steps of {} ms, m/s, k_n {STIFF_N_M}", 1e3 * fine.step_s);
+        let what = format!("minimum with steps of {} ms, m/s, k_n {STIFF_N_M}", 1e3 * fine.step_s);
         told(&what, &format!("{} and {}", short(at[0]), short(at[1])));
         let (mut below, mut ends) = (Vec::new(), Vec::new());
         // Friction is as stiff as in the last case with stiff contacts.
