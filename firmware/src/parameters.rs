@@ -59,7 +59,7 @@ pub(crate) type Refusal = (ParameterResult, f32);
 #[derive(Clone, Debug)]
 pub(crate) struct Parameters {
     channels: Vec<[GainRamp; PARAMETERS], MAX_CHANNELS>,
-    /// Channels in force: the configuration with these parameters. Cached, because every control period reads them.
+    /// Channels in force: the configuration with the current parameters. Cached, because every control period reads them.
     driven: Vec<Channel, MAX_CHANNELS>,
     /// Fraction of the library's torques that is fed forward.
     feed_forward: GainRamp,

@@ -44,7 +44,7 @@ pub trait LibraryStore {
     /// Size of the largest library, bytes.
     fn capacity(&self) -> usize;
 
-    /// Makes room for a library of `len` bytes with this digest. Returns the number of leading bytes that an interrupted
+    /// Makes room for a library of `len` bytes with the given digest. Returns the number of leading bytes that an interrupted
     /// transfer has already stored.
     fn begin(&mut self, len: usize, digest: u32) -> Result<usize, StoreError>;
 

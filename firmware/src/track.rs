@@ -79,7 +79,7 @@ pub struct Track {
 }
 
 impl Track {
-    /// Starts tracking for a robot that rests in a pose with these values and torques.
+    /// Starts tracking for a robot that rests in a pose with the given values and torques.
     // Inlined, its arrays are copied element by element: 18 kB of code.
     #[inline(never)]
     pub fn start(

@@ -132,7 +132,7 @@ pub fn channel_name(names: &[String], channel: u8) -> String {
 }
 
 impl Catalog {
-    /// Creates the catalog of a validated library, for a robot with these names. Returns `None` if the library contains no
+    /// Creates the catalog of a validated library, for a robot with the given names. Returns `None` if the library contains no
     /// names.
     pub fn of(library: &Library<'_>, robot: &str, channels: Vec<String>) -> Option<Self> {
         let motion = |node: NodeId| {

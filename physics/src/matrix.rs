@@ -139,7 +139,7 @@ impl BlockMatrix {
         &self.values
     }
 
-    /// Factorises the matrix with these values, for later right-hand sides. Returns false if the matrix is singular.
+    /// Factorises the matrix with the given values, for later right-hand sides. Returns false if the matrix is singular.
     pub fn factorise(&mut self, values: &[f64]) -> bool {
         self.values.copy_from_slice(values);
         // The accuracy of the factors is visible for a right side; this one contains every direction.

@@ -6,7 +6,7 @@
 //! is not positive definite, changes are estimated with the Gauss-Newton Hessian; [`Optimal::curvature`] reports this.
 //!
 //! A parameter is a pair of neighbouring robots and motions, so that any value of a robot file or motion file can be one. The
-//! whole problem is built at either side, with its standing pose, masses and limits.
+//! whole problem is built for both neighbours, with its standing pose, masses and limits.
 
 mod feature;
 mod objective;

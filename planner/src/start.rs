@@ -59,8 +59,8 @@ const SWING_S: f64 = 1.2;
 /// seeds have no candidate in common.
 const SEED_STRIDE: u64 = 1000;
 
-/// Returns the starts to try for a motion, in order. The first one nearly always converges. A start other than automatic is the
-/// only candidate.
+/// Returns the starts to try for a motion, in order. The first one nearly always converges. If the start is not automatic, it is
+/// the only candidate.
 ///
 /// [`Start::Auto`] depends on the robot:
 ///

@@ -1,6 +1,6 @@
 //! Choice of the times of a motion whose file leaves them free ([`Timing`](crate::motion::Timing)).
 //!
-//! Samples stay equidistant, and footfalls change at samples. The times are therefore few whole numbers: library frames of the
+//! Samples stay equidistant, and footfalls change at samples. The times are therefore a few whole numbers: library frames of the
 //! whole motion, and samples of each stance and swing. The search solves a motion for each combination that it tries, mostly
 //! from a neighbouring solution in a few iterations, and follows the prices of the times
 //! ([`TimingPrices`](crate::sensitivity::TimingPrices)).

@@ -87,7 +87,8 @@ fn split<const N: usize>(frame: &Frame, base: u16) -> Option<(u8, [u8; N])> {
 }
 
 /// Encodes a set-point with torque: `low` in the lowest 30 bits, then short codes of `first`, kd and torque. The frame is wide if
-/// the torque is 0 or a value beyond the scale. `first` returns its code with steps wider by a ratio.
+/// the torque is 0, or if a value exceeds the scale. `first` returns the code of the first value, with steps that are wider by
+/// the given ratio.
 fn torque_frame(
     id: u8,
     [narrow, wide]: [u16; 2],
@@ -231,7 +232,8 @@ impl WheelSetpoint {
     /// Layout without torque: `[speed i32 0.1 mrad/s][kd u16 0.001 N·m·s/rad][torque limit u16 5 mN·m]`.
     ///
     /// Layout with torque: `[speed i30 0.1 mrad/s][torque limit 11][kd 11][torque 12]`, with short codes like those of a joint.
-    /// The torque limit is rounded down. A wide frame differs as a joint's does.
+    /// The torque limit is rounded down. A wide frame differs from it in the same way as a joint's wide frame
+    /// ([`JointSetpoint::encode`]).
     ///
     /// `None` if a value is NaN or beyond its scale, or if `id` is above [`MAX_ID`].
     pub fn encode(&self, id: u8) -> Option<Frame> {

@@ -33,7 +33,7 @@ impl Robot {
         self.links.iter().map(|link| link.mass_kg).sum()
     }
 
-    /// Index of the end effector with this name; `None` if there is no such end effector.
+    /// Index of the end effector with the given name; `None` if there is no such end effector.
     pub fn end_effector_index(&self, name: &str) -> Option<usize> {
         self.end_effectors.iter().position(|end_effector| end_effector.name == name)
     }

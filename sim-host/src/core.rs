@@ -164,7 +164,7 @@ impl LocalController {
         self.keeper = Some(keeper);
     }
 
-    /// Requires hosts to have this key, from now on and after power cycles. `boots_before` is the number of boots of
+    /// Requires hosts to have the given key, from now on and after power cycles. `boots_before` is the number of boots of
     /// controllers with this key before this process, so that no session number is used again.
     pub fn require_key(&mut self, key: LinkKey, boots_before: u32) {
         let boot = self.boots.count().ok().and_then(|boot| boot.checked_add(boots_before));

@@ -89,7 +89,7 @@ pub fn config() -> RobotConfig {
     robot().controller_config().unwrap()
 }
 
-/// Frames of the motion with this code.
+/// Frames of the motion with the given code.
 ///
 /// # Panics
 /// Panics if no motion has this code.

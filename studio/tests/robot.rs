@@ -109,7 +109,7 @@ fn a_damaged_library_is_refused_before_anything_is_sent() {
     assert!(page.sent.is_empty());
 }
 
-/// Returns the state of a standard gamepad with these buttons pressed, as a browser reports it.
+/// Returns the state of a standard gamepad with the given buttons pressed, as a browser reports it.
 fn pad(down: &[usize]) -> Value {
     let buttons: Vec<_> = (0..17).map(|index| f32::from(u8::from(down.contains(&index)))).collect();
     json!({ "id": "Xbox 360 Controller (STANDARD GAMEPAD)", "buttons": buttons, "axes": [0, 0, 0, 0] })

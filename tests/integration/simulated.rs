@@ -58,7 +58,7 @@ impl Robot {
         Self::start_with(desk, &[args, &["--bus", bus]].concat()).answering(desk, host)
     }
 
-    /// Starts a robot with these arguments, and writes its messages to a file of the desk.
+    /// Starts a robot with the given arguments, and writes its messages to a file of the desk.
     pub fn start_logged(desk: &Desk, args: &[&str], bus: &str, said: &str) -> Self {
         let file = File::create(desk.path(said)).expect("a file");
         let args = [args, &["--bus", bus]].concat();

@@ -1,6 +1,6 @@
 """Measurements of the robot in MuJoCo for a controller: its state, or an IMU, encoders and contact switches with noise.
 
-The plane of the world is level, and gravity leans instead of a slope. All values are rotated to axes whose z is up.
+The plane of the world is level; on a slope, the direction of gravity is tilted instead. All values are rotated to axes whose z is up.
 """
 
 from dataclasses import dataclass

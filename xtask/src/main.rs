@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`steps`] | the steps of `cargo xtask test` and `cargo xtask nightly` |
 //! | [`quick`] | checks a change in one crate |
-//! | [`tidy`] | checks the house rules |
+//! | [`tidy`] | checks the rules of this repository (`CONTRIBUTING.md`) |
 //! | [`bare_metal`], [`board`] | build the controller's crates for the Cortex-M4; build, measure and emulate board images |
 //! | [`fuzz`], [`miri`] | test protocol and firmware |
 //! | [`deny`], [`sbom`] | check licences and advisories of dependencies; write the bills of materials |
@@ -71,7 +71,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Task {
-    /// Check everything that a change must pass: formatting, house rules, lints, docs, the bare-metal build and all tests.
+    /// Check everything that a change must pass: formatting, repository rules, lints, docs, the bare-metal build and all tests.
     /// Continues after a failure. Steps that run other programs use their brief form unless the change touches files that they
     /// check. The final table lists the seconds of every step, the failures, and the checks left to `cargo xtask nightly`.
     Test {
@@ -88,7 +88,7 @@ enum Task {
         #[arg(long, value_name = "STEP")]
         only: Option<NightlyStep>,
     },
-    /// Check a change while working on it: formatting, house rules, lints of the workspace, and tests of the changed crates.
+    /// Check a change while working on it: formatting, repository rules, lints of the workspace, and tests of the changed crates.
     /// Prints the crates whose tests are left to `cargo xtask test`.
     Quick(quick::Options),
     /// Build a board's image. mps2-an386 boots in QEMU, replays the demo from its memory and plays a short motion over its

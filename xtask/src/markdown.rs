@@ -113,7 +113,7 @@ impl Page {
         page
     }
 
-    /// Heading with this anchor, and the byte range from it to the next heading of the same or a higher level.
+    /// Heading with the given anchor, and the byte range from it to the next heading of the same or a higher level.
     pub fn section(&self, anchor: &str, text: &str) -> Option<(&Heading, Range<usize>)> {
         let at = self.headings.iter().position(|heading| heading.anchor == anchor)?;
         let heading = &self.headings[at];

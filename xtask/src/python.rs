@@ -44,7 +44,7 @@ pub fn path(name: &str, requirement: &str, imports: &str) -> Result<OsString, St
 pub struct Environment(PathBuf);
 
 impl Environment {
-    /// Creates the environment in a new folder, with these packages (names with versions, or files) and their dependencies.
+    /// Creates the environment in a new folder, with the given packages (names with versions, or files) and their dependencies.
     ///
     /// # Errors
     /// Returns pip's error. If a program is missing, the error contains the command that installs it.

@@ -1,6 +1,6 @@
-//! `cargo xtask quick`: the check of a change during development. Runs formatting, house rules, lints of the whole workspace,
-//! and the tests of the changed crates. Dependent crates are linted with their tests, but running these tests is left to `cargo
-//! xtask test`; the output lists them.
+//! `cargo xtask quick`: the check of a change during development. Runs formatting, repository rules, lints of the whole
+//! workspace, and the tests of the changed crates. Dependent crates are linted with their tests, but running these tests is left
+//! to `cargo xtask test`; the output lists them.
 //!
 //! Lints need no machine code, so a change of a low-level crate does not compile all crates that depend on it. The tests of a
 //! crate are built for that crate alone, with its own selection of features; its first build therefore compiles dependencies
@@ -47,7 +47,7 @@ pub fn run(options: &Options) -> Result<(), String> {
     let mut run = Run::new("quick", 4);
     let root = shell::workspace_root();
     let _ = run.step("fmt", "formatting", test::format)
-        && run.step("tidy", "house rules", || tidy::check(&root))
+        && run.step("tidy", "repository rules", || tidy::check(&root))
         && run.step("lint", "every target, linted without building it", workspace::lint)
         && run.step("test", "tests of the changed crates", || run_tests(&changed, &files));
     let outcome = run.finish();
@@ -68,7 +68,7 @@ fn names(packages: &[&Package]) -> String {
 struct Package {
     name: String,
     folder: PathBuf,
-    /// Names of the packages that users of this package get.
+    /// Names of the packages that this package needs, apart from its tests.
     dependencies: BTreeSet<String>,
     /// Names of the packages that only the tests of this package need.
     test_dependencies: BTreeSet<String>,

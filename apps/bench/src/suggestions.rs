@@ -178,7 +178,7 @@ pub struct Args {
     /// Make slightly infeasible requests, and compare their computing time with that of barely feasible requests.
     #[arg(long)]
     pub near: bool,
-    /// Plan every refused request again with this number of other seeds. A plan that converges reveals a false verdict.
+    /// Plan every refused request again with the given number of other seeds. A plan that converges reveals a false verdict.
     #[arg(long, default_value_t = 0, value_name = "SEEDS")]
     harder: u64,
     /// Seed of the values of the requests.

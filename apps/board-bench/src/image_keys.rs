@@ -13,7 +13,7 @@ use std::path::Path;
 /// Maximum size of a key file, bytes.
 const MAX_FILE: u64 = 1 << 10;
 
-/// Encodes the keys of these files as the key block of an image, in hexadecimal digits.
+/// Encodes the keys of the given files as the key block of an image, in hexadecimal digits.
 ///
 /// # Errors
 /// Returns an error if a file cannot be read or does not contain a key of its kind.

@@ -27,7 +27,8 @@ pub struct Args {
     /// Output file: .urdf, .xml for MJCF, or .yaml for controllers of ros2_control.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Add a section for ros2_control to a URDF, with this hardware plugin; without a name, a plugin that mocks the hardware.
+    /// Add a section for ros2_control to a URDF, with the given hardware plugin; without a name, a plugin that mocks the
+    /// hardware.
     #[arg(long, value_name = "PLUGIN", num_args = 0..=1, default_missing_value = rollwalk_interchange::MOCK, value_parser = plugin)]
     ros2_control: Option<String>,
 }

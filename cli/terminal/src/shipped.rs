@@ -13,7 +13,7 @@ pub fn text(path: &Path) -> Option<&'static str> {
     rollwalk_shipped::text(path.to_str()?)
 }
 
-/// Text of the shipped file at this path; `None` if something exists there on the disk.
+/// Text of the shipped file at the given path; `None` if something exists there on the disk.
 pub fn instead_of(path: &Path) -> Option<&'static str> {
     // A dangling link exists: the user means its target.
     let missing = fs::symlink_metadata(path).is_err_and(|e| e.kind() == io::ErrorKind::NotFound);

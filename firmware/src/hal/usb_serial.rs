@@ -52,7 +52,7 @@ pub enum Reply {
     Address(u8),
     /// Send the handshake and reset the endpoints. The flag is true if the device is configured.
     Configured(bool),
-    /// Send the handshake, and reset the data toggle of the endpoint with this address to DATA0.
+    /// Send the handshake, and reset the data toggle of the endpoint with the given address to DATA0.
     Restarted(u8),
     /// Receive bytes from the host and ignore them, then send the handshake.
     Receives,

@@ -71,7 +71,7 @@ pub struct AxisDirection {
 }
 
 impl AxisDirection {
-    /// Deflection of an axis in this direction, 0 to 1. `value` is the position of the axis, −1 to 1.
+    /// Deflection of an axis in the given direction, 0 to 1. `value` is the position of the axis, −1 to 1.
     pub fn how_far(self, value: f32) -> f32 {
         let pushed = if self.positive { value } else { -value };
         if pushed.is_finite() { pushed.clamp(0.0, 1.0) } else { 0.0 }

@@ -139,7 +139,7 @@ impl MappedGamepad {
         Deadman::Released(self.mapping.deadman.released)
     }
 
-    /// Deflection of an axis in this direction, 0 to 1; 0 while the deadman is not held.
+    /// Deflection of an axis in the given direction, 0 to 1; 0 while the deadman is not held.
     pub fn pushed(&self, push: AxisDirection) -> f32 {
         let value = self.axes.get(&push.axis).filter(|_| self.held);
         value.map_or(0.0, |&value| push.how_far(value))

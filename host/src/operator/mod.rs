@@ -115,7 +115,7 @@ pub struct Operator {
 }
 
 impl Operator {
-    /// Creates an operator without contact yet. If `config_hash` is given, it only arms a robot with this configuration.
+    /// Creates an operator without contact yet. If `config_hash` is given, it only arms a robot with the given configuration.
     pub fn new(peer: impl Into<Peer>, config_hash: Option<u32>) -> Self {
         let peer = peer.into();
         Self {

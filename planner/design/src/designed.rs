@@ -214,7 +214,7 @@ impl Designed {
         self.checked()
     }
 
-    /// Model of an actuator in the robot file; `None` if the file has no actuator with this name.
+    /// Model of an actuator in the robot file; `None` if the file has no actuator with the given name.
     pub fn model_of(&self, actuator: &str) -> Option<&str> {
         self.text.model_of(actuator)
     }

@@ -137,7 +137,7 @@ fn check_terrain(root: &Table<'_>, motion: &Motion) {
 
 fn motion(document: &Document<'_>, robot: &Robot, terrain: Option<&Terrain>) -> Option<Motion> {
     let mut root = document.root();
-    // The caller has read the robot with this name; here the key is only accepted.
+    // The caller has read the robot with the given name; here the key is only accepted.
     let named_robot = root.string("robot");
     let name = name(&root);
     if let Some(name) = &name {

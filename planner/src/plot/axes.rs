@@ -172,7 +172,7 @@ impl Panel {
         }));
     }
 
-    /// Returns the ends of the horizontal axis of a panel at `x` with this width, px.
+    /// Returns the ends of the horizontal axis of a panel at `x` with the given width, px.
     pub(super) fn axis_px(x: f64, width: f64) -> [f64; 2] {
         [x + LEFT, x + width - RIGHT]
     }

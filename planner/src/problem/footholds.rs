@@ -1,7 +1,7 @@
 //! Assignment of footholds to the patches of a terrain, and the ground at each contact of the timeline.
 //!
-//! A stance stays on its patch during a solve: a foothold on the wrong side of a wall would never cross it. The patch is the one
-//! nearest to the foothold of a robot that moves evenly to the goal.
+//! A stance stays on its patch during a solve: a foothold on the wrong side of a wall would never cross it. Its patch is the one
+//! nearest to the foothold of a robot that moves to the goal at constant velocity.
 
 use super::Problem;
 use super::contact_ground::ContactGround;

@@ -80,7 +80,7 @@ impl Fronts {
         lines.map(move |(line, at)| (start + line, self.order[at]))
     }
 
-    /// Returns the destinations of the products of rows with these columns. `None` if the rows couple columns that no front
+    /// Returns the destinations of the products of rows with the given columns. `None` if the rows couple columns that no front
     /// contains together.
     pub fn scatter_map(&self, rows: &[&[usize]]) -> Option<ScatterMap> {
         ScatterMap::of(rows, &self.position, &self.front_of, &self.fronts)

@@ -1,9 +1,10 @@
-//! Planes of inequalities that a trial step has run into.
+//! Tangent planes of inequalities that a trial step has violated.
 //!
-//! Gauss-Newton sees no curvature of an inequality that is satisfied by a margin. A step that runs into joint torques or friction
-//! cones is therefore rejected, and damping would shorten all further steps. Looking ahead linearises these inequalities where
-//! the trial step ends, and adds the planes to the normal equations of the present point: the next step stays clear of them. A
-//! plane at the present point would have the wrong sign, because torques enter by their absolute values and cones are convex.
+//! Gauss-Newton sees no curvature of an inequality that is satisfied by a margin. A step that violates limits of joint torques or
+//! friction cones is therefore rejected, and damping would shorten all further steps. This module linearises these inequalities
+//! where the trial step ends, and adds the planes to the normal equations of the present point, so that the next step does not
+//! cross them. A plane at the present point would have the wrong sign, because torques enter by their absolute values and cones
+//! are convex.
 
 use super::normal::NormalEquations;
 use super::one_sided::one_sided_square;

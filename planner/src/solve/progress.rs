@@ -24,7 +24,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Creates the progress at a point with these rows and this energy. `worst` contains the index of the worst constraint row
+    /// Creates the progress at a point with the given rows and energy. `worst` contains the index of the worst constraint row
     /// and its residual-to-tolerance ratio.
     pub fn at(rows: &Rows, worst: (usize, f64), energy: f64, penalty: f64) -> Self {
         let costs = rows.iter().filter(|(row, _)| matches!(row.role, Role::Cost { .. }));

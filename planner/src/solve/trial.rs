@@ -38,11 +38,12 @@ pub(super) struct Trials<'a> {
 }
 
 impl Trials<'_> {
-    /// Tries the damped Gauss-Newton step from a point with this energy. The step is corrected if it achieves too little of the
-    /// predicted decrease and the correction helps. `excess` is the amount by which the model exceeds the energy at the point.
+    /// Tries the damped Gauss-Newton step from a point with the given energy. The step is corrected if it achieves too little of
+    /// the predicted decrease and the correction helps. `excess` is the amount by which the model exceeds the energy at the
+    /// point.
     ///
-    /// Returns the trial and the fraction of the predicted decrease that it achieves. `None` if the matrix with this damping is
-    /// not positive definite.
+    /// Returns the trial and the fraction of the predicted decrease that it achieves. `None` if the damped matrix is not positive
+    /// definite.
     pub fn take(
         &mut self,
         normal: &mut NormalEquations,

@@ -1,8 +1,8 @@
 //! Motions with half the samples, whose plans serve as starts.
 //!
 //! With few samples, the solver finds a stroke of skates or a swizzle. With many, its steps from standing are too short for
-//! that, because every sample pulls on its neighbours. Resampled to twice the samples, the coarse plan is nearly feasible, and
-//! a few Gauss-Newton steps complete the solve.
+//! that, because costs and constraints tie every sample to its neighbours. Resampled to twice the samples, the coarse plan is
+//! nearly feasible, and a few Gauss-Newton steps complete the solve.
 
 use super::skates;
 use crate::motion::{Ends, Motion, Subject};

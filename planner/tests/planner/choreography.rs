@@ -37,7 +37,7 @@ fn plan(motion: &Motion) -> Plan {
     plan
 }
 
-/// Asserts that the motion with these tables has exactly one fault, with this message and help.
+/// Asserts that the motion with the given tables has exactly one fault, with the given message and help.
 fn refused(text: &str, tables: &str, message: &str, help: &str) {
     let faults: Vec<_> = match with(text, tables) {
         Ok(_) => panic!("accepted: {tables}"),

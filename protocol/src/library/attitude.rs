@@ -6,8 +6,9 @@ use super::records::AttitudeRecord;
 const DIRECTION_LSB: f32 = 1.0 / 16384.0;
 /// Quantum of the spread, rad.
 const SPREAD_LSB_RAD: f32 = 1e-3;
-/// Limit of the tilt of the body in a clip, rad. Tilt is the angle between up and the robot's z axis, plus the spread. A larger
-/// limit would make tilt protection useless, since a robot that leans further lies on the ground.
+/// Limit of the tilt of the body in a clip, rad. Tilt is the angle between the direction of up and the robot's z axis, plus the
+/// spread of that direction. A larger limit would make tilt protection useless, since a robot that leans further lies on the
+/// ground.
 pub const MAX_TILT_RAD: f32 = core::f32::consts::FRAC_PI_3;
 
 /// Direction of up during a clip, with its spread.

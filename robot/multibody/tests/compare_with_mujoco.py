@@ -185,10 +185,9 @@ def leaves(value, path=()):
 
 
 def scale(path, expected, root):
-    """What errors are measured against, given the square roots of the mass matrix's diagonal.
+    """Scale of the errors of a result, from `root`, the square roots of the mass matrix's diagonal.
 
-    Forces and accelerations of light joints are compared with those of the heavy base by what they mean for
-    the energy; vectors that may vanish with a thousandth of the SI unit.
+    Errors of forces and accelerations are weighted by energy, so that light joints and the heavy base count alike. A vector that may vanish has the scale of a thousandth of the SI unit.
     """
     if path[-1] == "mass_matrix":
         return np.outer(root, root)

@@ -29,7 +29,7 @@ const MOUNT: &str = "mount";
 /// Key for the ratios of a coupled servo.
 const MOTOR_PER_JOINT: &str = "motor_per_joint";
 
-/// Ratio of a coupled servo to a joint with this name.
+/// Ratio of a coupled servo to a joint with the given name.
 struct NamedRatio {
     name: String,
     span: Span,

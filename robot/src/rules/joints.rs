@@ -33,7 +33,7 @@ pub(crate) struct MotorMaxima {
 }
 
 impl MotorMaxima {
-    /// Maxima of a robot with this mass. From 8 kg on, a motor may lift twice the robot's weight on a lever of 1 m.
+    /// Maxima of a robot with the given mass. From 8 kg on, a motor may lift twice the robot's weight on a lever of 1 m.
     pub fn of(mass_kg: f64) -> Self {
         // `max` ignores a NaN.
         let most =

@@ -1,6 +1,6 @@
 //! Tree of rigid bodies: fixed joints, locked joints and wheels become part of the body that carries them.
 //!
-//! A body has the frame of its first link. That of the root is turned so that x is forward and z up.
+//! A body has the frame of its first link. The frame of the root is turned so that x is forward and z up.
 
 use super::model::{Kind, Urdf};
 use super::notes::Notes;
@@ -196,7 +196,7 @@ pub(super) fn placed(mass: MassProperties, pose: &Isometry3<f64>) -> MassPropert
     }
 }
 
-/// Nearest inertia that a rigid body can have with some slack, and a description of the change.
+/// Inertia nearest to the given one that a rigid body can have, with some slack, and a description of the change.
 ///
 /// Moments of (nearly) 0 are raised to m·(1 mm)². The largest moment loses a third of its excess over the sum of the others,
 /// less the slack, and each of these gains a third. This is the smallest change of the tensor that keeps its axes.

@@ -29,7 +29,7 @@ pub(super) struct Placed {
 /// Linkage of a robot file. `None` if the rod does not reach from crank to link in the nominal pose.
 ///
 /// With the crank's arm u, the rod's length r and d from the pivot to the end of the rod, the angle θ of the crank satisfies
-/// A cos θ + B sin θ = C, as in [`crate::CrankMap`]. The solution is on the side of that of the model.
+/// A cos θ + B sin θ = C, as in [`crate::CrankMap`]. Of the two solutions, the one on the same side as in the model is chosen.
 pub(super) fn nominal(of: &Linkage, at: &Placed) -> Option<DraftLinkage> {
     let point = |frame: &Isometry3<f64>, at: &Vector3<f64>| (frame * Point3::from(*at)).coords;
     let [pivot_m, pin_m] = [of.pivot_m, of.pin_m].map(|at_m| point(&at.link_from_motor, &at_m));

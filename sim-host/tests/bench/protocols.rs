@@ -102,7 +102,7 @@ fn assert_on_time(rig: &Rig, name: &str) {
     assert_eq!(missed, 0, "{name}: {missed} of {}", rig.records().len());
 }
 
-/// Plays a leg on these buses, stops it by an emergency stop, clears it and plays it again. Returns the rig.
+/// Plays a leg on the given buses, stops it by an emergency stop, clears it and plays it again. Returns the rig.
 #[track_caller]
 pub fn stopped_and_played_again(buses: [Bus; 2], name: &str) -> Rig {
     let mut session = armed(&leg(buses));

@@ -4,7 +4,7 @@ use crate::*;
 
 const ROBOT: &str = "robots/agilebot.toml";
 
-/// Returns a page whose good plan is the walk of a robot with this text, and the documents.
+/// Returns a page whose good plan is the walk of a robot with the given text, and the documents.
 fn planned(robot: &str) -> (Page, Value) {
     let mut page = Page::default();
     let text = page.walk();

@@ -114,7 +114,7 @@ impl Bench {
         Ok(path)
     }
 
-    /// Returns the block with the keys of these files for the image of a robot, in hexadecimal digits, which are secret.
+    /// Returns the block with the keys of the given files for the image of a robot, in hexadecimal digits, which are secret.
     ///
     /// # Errors
     /// Returns an error if a file does not contain a key of the expected kind.

@@ -101,7 +101,7 @@ fn uf2(start: u32, bytes: &[u8], family: u32) -> Vec<u8> {
 mod tests {
     use super::*;
 
-    /// Creates an ELF file with program headers for these parts: address in memory, address in flash, bytes.
+    /// Creates an ELF file with program headers for the given parts: address in memory, address in flash, bytes.
     fn image(parts: &[(u32, u32, &[u8])]) -> Vec<u8> {
         let mut file = vec![0x7F, b'E', b'L', b'F', 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0];
         let halves = |file: &mut Vec<u8>, halves: &[u16]| {

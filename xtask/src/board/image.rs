@@ -93,7 +93,7 @@ impl Image {
         self.run(&["--bins"], &bench.shipped(self.robot)?)
     }
 
-    /// Builds the image for the robot of a generated module, with these cargo features for keys, or none if empty. The next
+    /// Builds the image for the robot of a generated module, with the given cargo features for keys, or none if empty. The next
     /// build replaces the file.
     ///
     /// # Errors

@@ -1,5 +1,6 @@
-//! `cargo xtask image`: builds the image of a board for the user's own robot. The bench generates the robot's module and
-//! describes the wiring. The board's program is built with this module, and written in the formats of the board's boot loader.
+//! `cargo xtask image`: builds the image of a board for the user's own robot. The test bench ([`Bench`]) generates the robot's
+//! module and describes the wiring. The board's program is built with this module, and written in the formats of the board's boot
+//! loader.
 
 use super::bench::{Bench, KeyFiles, Module};
 use super::contents::{self, Sections};

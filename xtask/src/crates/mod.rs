@@ -1,4 +1,5 @@
-//! Checks of the crates that are published for Rust users (`docs/crates.md`): each can be packaged, and keeps its promises.
+//! Checks of the crates that are published for Rust users (`docs/crates.md`): each can be packaged, and is compatible with its
+//! last release.
 //!
 //! | module | content |
 //! |---|---|

@@ -14,7 +14,7 @@ use std::thread;
 pub enum TestStep {
     /// Formatting, by `rustfmt.toml`.
     Fmt,
-    /// House rules that the compiler does not check.
+    /// Rules of this repository that the compiler does not check.
     Tidy,
     /// Packages of the published crates, without building them.
     Crates,
@@ -48,7 +48,7 @@ impl Step for TestStep {
     fn title(&self) -> &'static str {
         match self {
             Self::Fmt => "formatting",
-            Self::Tidy => "house rules",
+            Self::Tidy => "repository rules",
             Self::Crates => "packages of the published crates",
             Self::Build => "every target, compiled by clippy, warnings denied",
             Self::Studio => "the studio's page in real browsers",

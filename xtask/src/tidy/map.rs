@@ -118,7 +118,7 @@ mod tests {
     use crate::checkout::file;
     use serde_json::json;
 
-    /// Returns the violations of a map of two crates and a folder, with these dependencies in the manifest of `rollwalk-b`.
+    /// Returns the violations of a map of two crates and a folder, with the given dependencies in the manifest of `rollwalk-b`.
     fn violations_of_map(map: &str, dependencies: &serde_json::Value) -> Vec<String> {
         violations_of_crates(["rollwalk-a", "rollwalk-b"], map, dependencies)
     }

@@ -1,4 +1,4 @@
-//! House rules that the compiler does not check, each in its own module, applied to the files of the checkout.
+//! Rules of this repository that the compiler does not check, each in its own module, applied to the files of the checkout.
 
 mod circles;
 mod commands;
@@ -42,7 +42,9 @@ pub fn check(root: &Path) -> Result<(), String> {
     violations.extend(Books::read(&files).err());
     if violations.is_empty() {
         let count = files.len();
-        eprintln!("{count} files, {links} links and {commands} commands follow the house rules");
+        eprintln!(
+            "{count} files, {links} links and {commands} commands follow the rules of this repository"
+        );
         Ok(())
     } else {
         Err(violations.join("\n"))

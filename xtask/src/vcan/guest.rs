@@ -1,8 +1,8 @@
 //! Virtual machine for the tests: Debian's kernel in QEMU, with the files of this machine.
 //!
 //! The clock of the virtual machine counts instructions, 1 ns each (`-icount`), and skips idle time. Programs in it therefore
-//! meet their deadlines however loaded this machine is. They have a processor of 1000 MIPS, whose second may take several
-//! seconds here, or a hundredth of one.
+//! meet their deadlines however loaded this machine is. The processor of the virtual machine has 1000 MIPS. One second of its
+//! clock may take several seconds of this machine's, or a hundredth of one.
 //!
 //! While the virtual machine waits for the host's disk, its clock jumps to the next timer. Programs must therefore read files
 //! before time matters, and write to memory, except for results.

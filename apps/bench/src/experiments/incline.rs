@@ -238,7 +238,7 @@ impl Slide {
     }
 }
 
-/// Creates a puck just above the slope, with these numbers of cells and without contacts.
+/// Creates a puck just above the slope, with the given numbers of cells and without contacts.
 fn puck(cells: [usize; 3]) -> (Assembly, SoftBody, Plane) {
     let slope = Plane::rising(SLOPE_DEG.to_radians());
     let turn = Rotation3::rotation_between(&Vector3::z(), &slope.normal).expect("not upside down");

@@ -112,8 +112,8 @@ impl Lookup {
         Some(config(self.robot.as_ref()?)?.hash())
     }
 
-    /// Returns the names and limits for a controller with this configuration and library. The flag is true if the user named a
-    /// different library.
+    /// Returns the names and limits for a controller with the given configuration and library. The flag is true if the user named
+    /// a different library.
     pub fn names(&self, config_hash: u32, library: Option<u32>) -> (Names, bool) {
         let given = self.given.as_ref().map(ValidatedLibrary::catalog);
         let other = given.as_ref().is_some_and(|given| Some(given.library) != library);

@@ -1,4 +1,5 @@
-//! Fits of all runs of a command line, separately and together, and simulations of the fitted and other runs with these values.
+//! Fits of all runs of a command line, separately and together, and simulations of the fitted and other runs with the fitted
+//! values.
 
 use super::runs::Run;
 use rollwalk_robot::Robot;

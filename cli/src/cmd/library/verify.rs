@@ -7,7 +7,7 @@ use rollwalk_terminal::kind::Kind;
 use rollwalk_terminal::{Exit, files, output};
 use std::path::PathBuf;
 
-/// Check the signature of a motion library as a controller with this public key does.
+/// Check the signature of a motion library as a controller with the given public key does.
 ///
 /// The exit code is 1 if the library is not signed, was signed with another key, or was changed afterwards. `rollwalk library
 /// inspect` prints the content of a library.

@@ -29,7 +29,7 @@ pub struct NamesArgs {
 }
 
 impl NamesArgs {
-    /// Returns the names of the library with this identity; `None` if they are unknown.
+    /// Returns the names of the library with the given identity; `None` if they are unknown.
     ///
     /// # Errors
     /// Returns an error if a file that the user named is missing or wrong.
@@ -60,8 +60,8 @@ impl NamesArgs {
         Ok(Some(robot.controller_config().into_diagnostic()?.hash()))
     }
 
-    /// Returns the robot with this configuration and the solids of its links, for pictures. The robot is the one that the user
-    /// named, or else one that ships with rollwalk.
+    /// Returns the robot with the given configuration and the solids of its links, for pictures. The robot is the one that the
+    /// user named, or else one that ships with rollwalk.
     ///
     /// # Errors
     /// Returns an error if the file that the user named is missing or wrong.
@@ -133,7 +133,7 @@ pub fn cache_data(library: u32, ending: &str, what: &impl Serialize) {
     }
 }
 
-/// Reads cached data of the library with this identity. `ending` is the extension of the cache file.
+/// Reads cached data of the library with the given identity. `ending` is the extension of the cache file.
 pub fn cached_data<T: DeserializeOwned>(library: u32, ending: &str) -> Option<T> {
     let text = files::read_text(&cache_path(library, ending)?, Kind::Names).ok()?;
     serde_json::from_str(&text).ok()

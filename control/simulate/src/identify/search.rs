@@ -174,7 +174,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
     /// wrong by large factors, and the sum of squares has several minima over such a range. A single search would end in the
     /// minimum next to its starting point.
     ///
-    /// Returns the start state that is fitted with the values of the file; `None` if the robot falls with these values.
+    /// Returns the start state that is fitted with the values of the file; `None` if the robot falls with them.
     pub fn begin(&mut self, steps: usize) -> Option<Vec<f64>> {
         let begins = "where the run begins";
         self.minimise(begins, steps, false, true)?;

@@ -24,7 +24,7 @@ kd_nm_s_rad = 0.5
 armature_kg_m2 = 0.002
 "#;
 
-/// Wheels at the ends of a link on the left and on the right of it, with this height of the axle in the link.
+/// Wheels at the ends of a link on the left and on the right of it, with the given height of the axle in the link.
 fn wheels(links: [&str; 2], z_m: f64, y_m: f64) -> String {
     let wheel = |name: &str, link: &str, y_m: f64, id: u32| {
         format!(

@@ -49,7 +49,7 @@ struct Run {
 }
 
 impl ScatterMap {
-    /// Returns the destinations of the products of rows with these columns. `None` if the rows couple columns that no front
+    /// Returns the destinations of the products of rows with the given columns. `None` if the rows couple columns that no front
     /// contains together.
     ///
     /// `position` contains the position of each column in the order of elimination, and `front_of` the front of each position.

@@ -1,4 +1,4 @@
-//! Heights along one direction of the x-y plane, smoothed for a purpose: under a body, under swings, under wheels.
+//! Heights along one direction of the x-y plane, smoothed for one purpose: under a body, under swings, under wheels.
 //!
 //! A profile has walls, where it has no height and no slope. Its contours are cubic splines through dense samples of a filtered
 //! profile, so that equations over them have two continuous derivatives.
@@ -24,8 +24,8 @@ pub enum Filter {
     Plain,
     /// Maximum over the distance to both sides, m.
     Highest(f64),
-    /// Closing by a disc of this radius, m: the surface that a rolling disc can touch. Concave corners get the disc's radius,
-    /// convex edges stay.
+    /// Closing by a disc of the given radius, m: the surface that a rolling disc can touch. Concave corners get the disc's
+    /// radius, convex edges stay.
     Rolled(f64),
 }
 

@@ -17,7 +17,7 @@ const CONTACT_ERROR_M: f64 = 1e-12;
 pub enum ElevationMap {
     /// Level ground at a height, m.
     Level(f64),
-    /// Plane through the point of this height above the origin, m, with this gradient.
+    /// Plane through the point of the given height above the origin, m, with the given gradient.
     Plane {
         /// Height at the origin, m.
         height_m: f64,

@@ -2,7 +2,8 @@
 //! file, for a person to check.
 //!
 //! `axles` finds wheels among the endless joints at the ends of limbs, `soles` the contact of each other end, and `ground`
-//! the ends that reach the ground together. `heading` finds the axes that point forward and up. Names decide nothing alone.
+//! the ends that reach the ground together. `heading` finds the axes that point forward and up. No guess follows from a name
+//! alone.
 
 mod axles;
 mod casters;

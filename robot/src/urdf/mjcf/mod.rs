@@ -1,9 +1,9 @@
 //! MJCF, the models of MuJoCo, as the links and joints of a URDF: <https://mujoco.readthedocs.io/en/stable/XMLreference.html>.
 //!
 //! `model` has the settings and classes of defaults. `numbers` reads attributes and poses, `geoms` solids and their masses,
-//! `bodies` the tree, `springs` those of joints, `loops` cranks and rods, `home` the standing pose. `dropped` names elements that
-//! robot files lack. As in URDF, the frame of a link is that of its joint: the reader moves a body to the anchor of its joint.
-//! Meshes and included files are not read.
+//! `bodies` the tree, `springs` the springs of joints, `loops` cranks and rods, `home` the standing pose. `dropped` names
+//! elements that robot files lack. As in URDF, the frame of a link is that of its joint: the reader moves a body to the anchor of
+//! its joint. Meshes and included files are not read.
 
 mod bodies;
 mod couplings;

@@ -189,7 +189,7 @@ fn com_m(bodies: &Bodies, poses: &[Isometry3<f64>]) -> Vector3<f64> {
     weighted.sum::<Vector3<f64>>() / mass_kg
 }
 
-/// Poses of all bodies in the frame of the root, at these angles about these axes.
+/// Poses of all bodies in the frame of the root, at the given angles about the given axes.
 pub(super) fn poses<'a>(
     bodies: &Bodies,
     axes: impl IntoIterator<Item = &'a Unit<Vector3<f64>>>,

@@ -25,7 +25,7 @@ impl Nonces {
         self.valid = None;
     }
 
-    /// True if an ARM_CONFIRM with this nonce may switch torque on. The nonce is then used up.
+    /// True if an ARM_CONFIRM with the given nonce may switch torque on. The nonce is then used up.
     pub fn accept(&mut self, at: SimTime, nonce: u16) -> bool {
         let valid =
             self.valid.is_some_and(|(value, since)| value == nonce && at - since <= LIFETIME);
