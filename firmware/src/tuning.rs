@@ -11,7 +11,7 @@ use crate::motion::{Motion, Setup};
 use crate::parameters::{Parameters, Refusal};
 use crate::store::ParameterStore;
 
-/// Robot state that a request changes, and the state that decides if it may.
+/// Robot state that a request changes, and robot state that decides whether the change is allowed.
 pub(crate) struct Robot<'a> {
     pub state: State,
     pub setup: &'a Setup,

@@ -245,7 +245,7 @@ catalogue! {
     TargetVelocity: "target velocity", "sec. 2.4.1", MPerS, Residual(0.005), Request,
         "a slower target, or a target at another time";
     TargetHeading: "target heading", "sec. 2.4.1", Rad, Residual(0.001), Request,
-        "a heading nearer to that of the rest of the motion, or a target at another time";
+        "a heading nearer to the headings of the rest of the motion, or a target at another time";
     HeightLimit: "height limit", "sec. 3.5.2", M, Residual(0.001), Request,
         "a height within the legs' reach, or other height limits at that time";
     Smoothness: "smoothness", "sec. 2.4.1", Mixed, Level::None, Cost, NO_ADVICE;

@@ -51,9 +51,7 @@ fn verdict(plan: &Plan, name: &str, bytes: &[u8]) -> Result<u8, String> {
     let clip = library.clip(node.clip()).ok_or_else(unreadable)?;
     let looping = plan.motion.ends == Ends::Periodic;
     if (usize::from(clip.frames), clip.looping) != (setpoints.len(), looping) {
-        return Err(format!(
-            "the duration of `{name}` in the library differs from that of the plan"
-        ));
+        return Err(format!("the duration of `{name}` differs between library and plan"));
     }
     let [joint_rad, wheel_rad_s] =
         largest_difference(&library, node, &setpoints).ok_or_else(unreadable)?;

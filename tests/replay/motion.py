@@ -165,7 +165,7 @@ class Motion:
         return {"forward_m": moved[0], "left_m": moved[1], "turn_rad": turned}
 
     def frame_rate_hz(self):
-        """60 Hz, or the nearest rate that divides a duration that is no multiple of 1/60 s."""
+        """60 Hz, or the nearest rate at which the duration is a whole number of frames."""
         return max(round(self.duration_s * RATE_HZ), 1) / self.duration_s
 
     def frames(self):

@@ -53,7 +53,10 @@ pub fn run(options: &Options) -> Result<(), String> {
     let outcome = run.finish();
     let left = dependents(&packages, &changed);
     if !left.is_empty() {
-        eprintln!("\nRun `cargo xtask test` for the remaining tests, those of {}", names(&left));
+        eprintln!(
+            "\nRun `cargo xtask test` for the remaining tests, which are in {}",
+            names(&left)
+        );
     }
     outcome
 }

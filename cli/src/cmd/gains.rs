@@ -338,7 +338,7 @@ fn refusal(error: &SessionError, what: &str, value: f32, unit: &str) -> Option<S
     let SessionError::ParameterRefused { result, value: limit, .. } = error else { return None };
     match result {
         ParameterResult::NotSupported => Some(format!(
-            "{what}: the drive uses its own value, not that of the controller (docs/actuators.md)"
+            "{what}: the drive uses its own value, not the value of the controller (docs/actuators.md)"
         )),
         _ if has_none(error) => Some(format!(
             "{what}: this channel does not have this value (wheels have no stiffness)"

@@ -84,7 +84,7 @@ pub struct Setpoint {
 /// Motor with the degrees of freedom that it moves.
 #[derive(Clone, Debug)]
 struct Channel {
-    /// Indices in ν, with the radians of the motor per radian.
+    /// Indices in ν, with the radians of the motor per radian of each.
     ratios: Vec<(usize, f64)>,
     /// Indices in ν, with the factors by which generalised forces add up to the torque of the motor.
     torques: Vec<(usize, f64)>,

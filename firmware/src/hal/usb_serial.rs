@@ -14,7 +14,7 @@ pub const NOTIFICATION: u8 = 8;
 /// Number of the data endpoint, in both directions.
 pub const BYTES: u8 = 2;
 
-/// Vendor of pid.codes, and its product for tests. Boards for sale require other identifiers.
+/// Vendor id of pid.codes, and its product id for tests. Boards for sale require other ids.
 const VENDOR_AND_PRODUCT: [u8; 4] = [0x09, 0x12, 0x01, 0x00];
 
 const DEVICE: [u8; 18] = {

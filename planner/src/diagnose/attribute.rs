@@ -113,7 +113,7 @@ impl Group {
 /// Key for grouping rows: family, part of the robot, field and bits of the value.
 type Key = (Family, Subject, Option<(&'static str, u64)>);
 
-/// Pull of a row, in units of its scale.
+/// Half of the derivative of a row's energy by its value, in units of its scale.
 fn pull(row: &Row, value: f64) -> f64 {
     match row.role {
         Role::Cost { .. } => 0.0,

@@ -232,7 +232,7 @@ impl<'a> Minimum<'a> {
         found
     }
 
-    /// Product H·v. Second derivatives of the rows enter by differences at fixed slopes.
+    /// Product H·v. Second derivatives of the rows are finite differences of gradients at fixed slopes.
     fn product(&self, v: &[f64]) -> Vec<f64> {
         let penalty = self.residuals.penalty();
         let Self { rows, shifts, position, .. } = self;

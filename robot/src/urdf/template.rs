@@ -61,7 +61,7 @@ pub(super) fn template(content: &Content<'_>) -> String {
 fn head(text: &mut String, content: &Content<'_>) {
     match &content.side.name {
         Some(name) => line(text, format_args!("name = {}", quoted(name))),
-        None => line(text, "# name = \"robot\"           # default: that of the model"),
+        None => line(text, "# name = \"robot\"           # default: the name of the model"),
     }
     if let Some(root) = content.root {
         let root = quoted(&content.urdf.links[root].name);

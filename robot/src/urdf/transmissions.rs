@@ -50,7 +50,7 @@ pub(super) fn couple(root: Node<'_, '_>, urdf: &mut Urdf, notes: &mut Notes<'_>)
     };
     warn(
         &coupled,
-        "the motors turn both joints (`motor_per_joint`). Their limits follow from those of the joints: check them, and give others under [actuator.NAME] of the side file",
+        "the motors turn both joints (`motor_per_joint`). The limits of the motors follow from the limits of the joints: check them, and give other limits under [actuator.NAME] of the side file",
     );
     warn(
         &geared,

@@ -127,7 +127,8 @@ fn syntax_fault(notes: &mut Notes<'_>, error: &Error) {
             at = notes.text.trim_end().len();
             (
                 "this is not XML: the file ends inside an element".to_owned(),
-                "complete the file: the last line of a URDF is </robot>, and that of a model of MuJoCo </mujoco>".to_owned(),
+                "complete the file: a URDF ends with </robot>, a model of MuJoCo with </mujoco>"
+                    .to_owned(),
             )
         }
         Error::DtdDetected => (

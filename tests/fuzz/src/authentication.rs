@@ -7,7 +7,7 @@ pub fn key() -> LinkKey {
     LinkKey::new(&[0x42; LINK_KEY_LEN])
 }
 
-/// Host with the key, of which the fuzzer never creates one.
+/// Host that has the key. No value exists, because the fuzzer never has the key.
 pub enum Prover {}
 
 impl Prover {

@@ -10,7 +10,7 @@ use rollwalk_protocol::wire::isotp::{Endpoint, Event, Output, Timing};
 const ROOM: usize = 100;
 type End = Endpoint<ROOM>;
 
-/// Time after which everything has timed out, µs.
+/// Time after which every timeout of the protocol has expired, µs.
 const AGES_US: u64 = 3_600_000_000;
 const TIMEOUT_US: u64 = 1_000_000;
 

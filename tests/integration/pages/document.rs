@@ -12,7 +12,7 @@ pub struct Block {
     /// Number of the section with the block.
     pub section: usize,
     pub language: String,
-    /// Text behind the language.
+    /// Text after the language, in the first line of the block.
     pub mark: String,
     pub code: String,
 }

@@ -90,7 +90,10 @@ fn figures(bench: &Bench, is_json: bool, keys: Option<&Keys>) -> Result<(), Stri
         if let Some(keys) = keys {
             keys.print();
         }
-        println!("panic paths    {:>7} (the check found those of the replay image)", panics.len());
+        println!(
+            "panic paths    {:>7} (the same check finds panic paths in the replay image)",
+            panics.len()
+        );
     }
 
     let mut limits = contents.limits(MAX_TEXT);

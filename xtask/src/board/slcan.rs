@@ -29,7 +29,10 @@ pub fn report(bench: &Bench) -> Result<(), String> {
     println!("mps2-an386-slcan, release: {}", shown(path));
     println!("text           {text:>7} B of {MAX_TEXT}");
     println!("data + bss     {:>7} B of {MAX_STATIC_RAM} ({data} + {bss})", data + bss);
-    println!("panic paths    {:>7} (the check found those of the replay image)", panics.len());
+    println!(
+        "panic paths    {:>7} (the same check finds panic paths in the replay image)",
+        panics.len()
+    );
 
     contents.limits(MAX_TEXT).verdict()
 }

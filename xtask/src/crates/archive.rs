@@ -35,11 +35,9 @@ pub fn violations(one: &Published, archive: &Path) -> Result<Vec<String>, String
         unpack.arg(archive).arg(format!("{}/{name}", one.stem()));
         match shell::bytes(&mut unpack) {
             Ok(packaged) if packaged == expected => {}
-            Ok(_) => found.push(format!(
-                "{}: {name} in the package differs from that of the \
-                checkout",
-                one.name
-            )),
+            Ok(_) => {
+                found.push(format!("{}: {name} differs between package and checkout", one.name))
+            }
             Err(why) => found.push(format!("{}: the package lacks {name}: {why}", one.name)),
         }
     }

@@ -145,9 +145,9 @@ pub fn library_file(
 
 /// Returns the footfalls of a transition in which each leg steps once. A robot on skates cannot change its footholds otherwise.
 pub fn steps(plan: &Value) -> String {
-    /// Number of marks in a row.
+    /// Number of footfall marks (`#` or `.`) in a row.
     const MARKS: usize = 40;
-    /// Number of marks in stance before each step.
+    /// Number of stance marks before each step.
     const BETWEEN: usize = 4;
     let end_effectors = plan["robot"]["end_effectors"].as_array().cloned().unwrap_or_default();
     let mut legs: Vec<&Value> = Vec::new();

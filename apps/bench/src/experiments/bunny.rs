@@ -134,7 +134,7 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
         "solid of {} elements (thesis: 2729), {RADIUS_M} m in radius, 24 kPa, 90 kg/m³, friction \
          {COEFFICIENT}, k_n {} N/m for each node of the surface; velocity and spin are free; BDF1, \
          {STEPS} steps of {STEP_S} s; objective: mean squared distance of the nodes from the rest \
-         pose after a drop at the origin, plus {WEIGHT} times that of heights in the last \
+         pose after a drop at the origin, plus {WEIGHT} times the mean squared error of the heights in the last \
          {UPRIGHT} steps; size and shape are our choice",
         6 * CELLS.pow(3),
         STAGES_N_M.map(short).join(", "),

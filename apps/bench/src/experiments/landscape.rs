@@ -75,8 +75,9 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
         let throw = Throw { node_stiffness_n_m, model, ..ball.clone() };
         let grid = Grid::sample(&throw, name, watch)?;
         let right = share_of_right_gradients(&throw, watch)?;
-        let what =
-            format!("fraction of points whose gradient agrees with differences to 1e-5, {name}");
+        let what = format!(
+            "fraction of points whose gradient agrees with finite differences to 1e-5, {name}"
+        );
         outcome.checks.push(Check::at_least(&what, "", right, 0.95));
         let mut minima = grid.smoothed().minima();
         minima.sort_by(|one, other| one.1.total_cmp(&other.1));

@@ -180,7 +180,8 @@ mod tests {
         }
     }
 
-    /// Tests that the initial guess ends on the other side at half time, and shifted to the right at the end.
+    /// Tests the initial guess of the hand's path: at half time the hand is on the other side of the sheet, and at the end to the
+    /// right of its start.
     #[test]
     fn a_hand_ends_where_it_began_but_to_the_right() {
         let all = arcs(STEPS);

@@ -71,9 +71,9 @@ pub struct Clip {
     pub command_joint_rad: f64,
     /// Worst difference between plan and commanded set-point of a wheel, rad/s.
     pub command_wheel_rad_s: f64,
-    /// Worst difference between commanded set-point and joint, rad.
+    /// Worst difference between commanded set-point and measured angle of a joint, rad.
     pub tracking_joint_rad: f64,
-    /// Worst difference between commanded set-point and wheel, rad/s.
+    /// Worst difference between commanded set-point and measured speed of a wheel, rad/s.
     pub tracking_wheel_rad_s: f64,
     /// Number of set-points that arrived after their control period.
     pub late_setpoints: usize,

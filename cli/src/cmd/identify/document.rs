@@ -73,7 +73,8 @@ pub struct Fit {
     pub after: Option<f64>,
 }
 
-/// Root mean squares of a signal with the original values, with those of the run alone, and with those of all runs.
+/// Root mean square errors of a signal: with the original values, with the values fitted to this run alone, and with those fitted
+/// to all runs.
 #[derive(Serialize)]
 pub struct SignalErrors {
     pub signal: &'static str,
@@ -134,7 +135,7 @@ impl Parameter {
     }
 }
 
-/// Root mean squares before and after, for each measured signal.
+/// Root mean square errors before and after the fit, for each measured signal.
 pub fn fits(of: &[Option<Quality>; 2]) -> Vec<Fit> {
     let fit = |row: Row<2>| {
         let Row { signal, unit, rms: [before, after] } = row;
@@ -143,7 +144,8 @@ pub fn fits(of: &[Option<Quality>; 2]) -> Vec<Fit> {
     rows(of).map(fit).collect()
 }
 
-/// Root mean squares with the original values, with those of a run, and with those of all runs, for each measured signal.
+/// Root mean square errors of each measured signal: with the original values, with the values fitted to one run, and with those
+/// fitted to all runs.
 pub fn compared(of: &[Option<Quality>; 3]) -> Vec<SignalErrors> {
     let compared = |row: Row<3>| {
         let Row { signal, unit, rms: [before, alone, together] } = row;

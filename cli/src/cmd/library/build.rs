@@ -25,7 +25,7 @@ Examples:
   rollwalk library build pup.library.toml -o pup.rwl --json | jq .bytes
   rollwalk library build motions/agilebot_library.toml -o agilebot.rwl --sign owner.pem
 
-The format of library files is described in docs/motion-files.md, that of the result in
+The format of library files is described in docs/motion-files.md, the format of the result in
 docs/formats/motion-library.md.")]
 pub struct Args {
     /// Library file (TOML).

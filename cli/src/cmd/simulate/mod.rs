@@ -53,7 +53,7 @@ pub struct Args {
     /// Coefficient of friction of all feet, wheels and blades of the simulated robot [default: those of the plan's robot].
     #[arg(long, value_name = "COEFFICIENT", value_parser = ratio)]
     friction: Option<f64>,
-    /// Ratio of the stiffness of ground contacts to the normal one.
+    /// Ratio of the stiffness of ground contacts to the default stiffness.
     #[arg(long, value_name = "RATIO", default_value_t = 1.0, value_parser = ratio)]
     contact_stiffness: f64,
     /// Delay from a measurement to the set-points that answer it, ms, with --tracking.

@@ -34,7 +34,7 @@ fn axes(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
         let apart = frames.link_origins[joint.child] - frames.link_origins[joint.parent];
         let parallel = axis.cross(&frames.joint_axes[after]).norm() < PARALLEL;
         if parallel && is_same(seen, &apart, &axis) {
-            let text = "axis coincides with that of the previous joint, so the link between the \
+            let text = "axis coincides with the axis of the previous joint, so the link between the \
                 two joints has a length of 0; check `origin_in_parent_m`";
             warnings.push(RobotWarning::of("joint", &joint.name, text.to_owned()));
         }

@@ -157,7 +157,7 @@ fn a_slip_is_named_with_its_value() {
         ),
         (
             vec![("[0.0, 0.0, -0.10]\naxis_in_joint", "[0.0, 0.0, 0.0]\naxis_in_joint")],
-            "joints `front_left_knee`, `front_right_knee`, `rear_left_knee`, `rear_right_knee`: axis coincides with that",
+            "joints `front_left_knee`, `front_right_knee`, `rear_left_knee`, `rear_right_knee`: axis coincides with the axis of the previous joint",
         ),
         (
             vec![("center_in_link_m = [0.0, 0.0, -0.10]", "center_in_link_m = [0.0, 0.01, 0.0]")],

@@ -7,7 +7,7 @@ use std::collections::{HashMap, HashSet};
 pub struct Coupling<'a, 'i> {
     /// Joint that the motor belongs to: the last joint of the tendon without another motor.
     pub joint: &'a str,
-    /// Joints with their coefficients. The motor is at the tendon.
+    /// Joints of the tendon, with their coefficients. The motor acts on the tendon.
     pub ratios: Vec<(&'a str, f64)>,
     pub tendon: Node<'a, 'i>,
     pub actuator: Node<'a, 'i>,

@@ -103,7 +103,7 @@ pub fn close<'a, 'i>(
     if let Some(first) = closed.first() {
         let names: Vec<_> = rods.iter().map(|rod| urdf.joints[rod.turned].name.clone()).collect();
         reader.notes.warn(&tag(*first), format_args!(
-            "joint {}: crank and rod become its `linkage`, with the motor of the crank. The crank and half of the rod are masses of the link that carries the crank. Limits, springs and dampers of crank and rod are dropped: check those of the joint",
+            "joint {}: crank and rod become its `linkage`, with the motor of the crank. The crank and half of the rod are masses of the link that carries the crank. Limits, springs and dampers of crank and rod are dropped: check the limits, springs and dampers of the joint",
             some_names(names.iter())
         ));
     }

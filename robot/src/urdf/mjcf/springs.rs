@@ -100,7 +100,7 @@ impl Springs {
         if let Some((_, span)) = self.of_servos.first() {
             let names = some_names(self.of_servos.iter().map(|(name, _)| name));
             reader.notes.warn(span, format_args!(
-                "joint {names}: `damping` is not imported, because the <position> actuator of the joint has no `kv`, so this damping is that of the servo; give `kd_nm_s_rad` in the side file"
+                "joint {names}: `damping` is not imported, because the <position> actuator of the joint has no `kv`, so this damping belongs to the servo; give `kd_nm_s_rad` in the side file"
             ));
         }
         if let Some((_, span)) = self.bent.first() {

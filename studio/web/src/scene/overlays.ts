@@ -24,7 +24,7 @@ const GRAVITY_M_S2 = 9.80665;
 const WEIGHT_LENGTH_M = 0.35;
 const CONE_HEIGHT_M = 0.1;
 const COM_RADIUS_M = 0.008;
-/** Minimum share of the weight of a foot that supports. */
+/** Share of the robot's weight above which a foot counts as supporting. */
 const LEAST_SHARE = 0.002;
 
 export class Overlays {

@@ -238,7 +238,7 @@ fn check_limits(
         _ => {}
     }
     if kp > kp_most + KP_STEP_NM_RAD || kd > kd_most + KD_STEP_NM_S_RAD {
-        return fail("gains higher than those of the robot");
+        return fail("gains higher than in the robot file");
     }
     Ok(())
 }
