@@ -47,13 +47,13 @@ pub struct Controller<S, P = NoParameters> {
     authentication: Authentication,
     safety: StateMachine,
     events: EventSet,
-    /// Time at which the current state was entered.
+    /// Time at which the current state was entered, µs.
     since_us: u64,
     /// Time since which SAFE is held in the state Returning.
     held_since_us: Option<u64>,
     /// Time of the latest tick.
     last_tick_us: Option<u64>,
-    /// Interval between the two latest ticks.
+    /// Interval between the two latest ticks, µs.
     tick_gap_us: u64,
     ticks_to_frame: u16,
 }

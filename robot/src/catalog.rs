@@ -25,19 +25,19 @@ pub struct Servo {
     pub maker: String,
     /// Supply voltage of the listed values.
     pub voltage_v: f64,
-    /// Speed without load.
+    /// Speed without load, rad/s.
     pub no_load_speed_rad_s: f64,
-    /// Stall torque; `None` for drives with a rated torque only.
+    /// Stall torque, N·m; `None` for drives with a rated torque only.
     pub stall_torque_nm: Option<f64>,
-    /// Speed limit of a joint.
+    /// Speed limit of a joint, rad/s.
     pub speed_max_rad_s: f64,
-    /// Torque limit in a motion.
+    /// Torque limit in a motion, N·m.
     pub torque_max_nm: f64,
-    /// Mass.
+    /// Mass, kg.
     pub mass_kg: f64,
-    /// Default stiffness of a joint; `None` if the catalogue has none.
+    /// Default stiffness of a joint, N·m/rad; `None` if the catalogue has none.
     pub kp_nm_rad: Option<f64>,
-    /// Default damping of a joint; `None` if the catalogue has none.
+    /// Default damping of a joint, N·m·s/rad; `None` if the catalogue has none.
     pub kd_nm_s_rad: Option<f64>,
     /// Inertia of rotor and gears at the output; `None` if the catalogue has none.
     pub armature_kg_m2: Option<f64>,

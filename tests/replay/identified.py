@@ -62,7 +62,7 @@ def main(arguments):
 
 
 def hide(text):
-    """Robot file with other values."""
+    """Text of a robot file with the true values in place of the values that `rollwalk identify` starts from."""
     for table, key, before, after in HIDDEN:
         head, mark, rest = text.partition(f"{table}\n")
         line = f"{key} = {before}"

@@ -26,21 +26,22 @@ const RUNS: usize = 3;
 #[derive(Serialize)]
 struct Row {
     motion: String,
-    /// CPU time of planning the edited robot from scratch.
+    /// CPU time of planning the edited robot from scratch, ms.
     scratch_ms: f64,
     scratch_iterations: usize,
-    /// CPU time of the first edit of a design, which determines the structure of the problem.
+    /// CPU time of the first edit of a design, ms. This edit determines the structure of the problem.
     first_ms: f64,
-    /// CPU time of an edit after another one.
+    /// CPU time of an edit that follows another edit, ms.
     edit_ms: f64,
     edit_iterations: usize,
     /// Ratio of the cost of the edited plan to that of the plan from scratch.
     cost_ratio: f64,
-    /// CPU time of the report of a plan, which includes its open-loop quality and the growth of deviations without feedback.
+    /// CPU time of the report of a plan, ms. The report includes the open-loop quality and the growth of deviations without
+    /// feedback.
     report_ms: f64,
-    /// CPU time of the optimum and its exact derivative; null without a derivative.
+    /// CPU time of the optimum and its exact derivative, ms; null without a derivative.
     derived_ms: Option<f64>,
-    /// CPU time of the edit from the predicted plan; null without a prediction.
+    /// CPU time of the edit from the predicted plan, ms; null without a prediction.
     predicted_ms: Option<f64>,
     predicted_iterations: Option<usize>,
     /// True if all plans converged.

@@ -54,7 +54,7 @@ struct Joint {
     torque_max_nm: f64,
     /// `|torque| / limit`.
     share: f64,
-    /// Deflection: torque / stiffness.
+    /// Deflection, rad: torque / stiffness.
     yields_rad: f64,
 }
 

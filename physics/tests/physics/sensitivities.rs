@@ -23,7 +23,7 @@ use std::sync::Arc;
 /// Function that changes a new scene by a given amount of a parameter.
 type Change = Box<dyn Fn(&mut System, &mut Vec<f64>, f64)>;
 
-/// Parameter with its change of a scene, and a small difference for it.
+/// Parameter, the function that changes it in a scene, and a small change of its value.
 struct Case {
     name: String,
     parameter: Box<dyn Parameter>,

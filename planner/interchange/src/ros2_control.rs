@@ -11,7 +11,7 @@ use rollwalk_robot::{Robot, Solid};
 use serde_json::json;
 use std::io;
 
-/// Hardware of every installation of `ros2_control`, which copies commands to states, without a robot.
+/// Hardware plugin in every installation of `ros2_control`. It copies commands to states, without a robot.
 pub const MOCK: &str = "mock_components/GenericSystem";
 
 /// Rate of the controller manager, Hz: its default.

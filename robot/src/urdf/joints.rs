@@ -10,7 +10,7 @@ use crate::document::Document;
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 
-/// Limit of an endless joint. It is below 2π even when written with twelve digits.
+/// Limit of an endless joint, rad. It is below 2π even when written with twelve digits.
 pub(super) const TURN_RAD: f64 = TAU - 1e-6;
 
 /// Absolute values of limits that look like degrees. Real joints have three turns at most, and placeholders are larger.

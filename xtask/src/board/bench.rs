@@ -16,7 +16,7 @@ const QEMU: &str = "qemu-system-arm";
 pub struct BoardCost(Value);
 
 impl BoardCost {
-    /// Value of the bench's report.
+    /// Number in the bench's report.
     ///
     /// # Errors
     /// Returns an error if the report lacks the value.

@@ -118,8 +118,9 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
         [("Hybrid", hybrid, FrictionModel::Linear), ("Linear", linear, FrictionModel::Hybrid)]
     {
         let away = (onward(from, model, cells, watch)? - linear.height_m).abs() / linear.depth_m;
-        let what =
-            format!("the same after {ONWARD} more steps, {model:?} from the final state of {name}");
+        let what = format!(
+            "(height after {ONWARD} more steps with {model:?} from the final state of {name} − height of linear) / depth"
+        );
         outcome.checks.push(Check::at_most(&what, "", away, 0.01));
     }
     outcome.charts.push(Chart {
@@ -214,13 +215,13 @@ struct Slide {
     mass_kg: f64,
     /// Mean speed down the slope as a function of time.
     speeds_m_s: Vec<(f64, f64)>,
-    /// Final sum of the stick damping of all touching contacts.
+    /// Final sum of the stick damping of all touching contacts, N·s/m.
     stick_n_s_m: f64,
-    /// Final mean height of the puck above the slope.
+    /// Final mean height of the puck above the slope, m.
     height_m: f64,
-    /// Final mean depth of the bottom below the surface.
+    /// Final mean depth of the bottom below the surface, m.
     depth_m: f64,
-    /// Final depth of the contacts, weighted by load. A rigid slope would raise the puck by this amount.
+    /// Final depth of the contacts, weighted by load, m. A rigid slope would raise the puck by this amount.
     carried_m: f64,
     /// Final motions of all bodies.
     motions: Vec<BodyMotion>,

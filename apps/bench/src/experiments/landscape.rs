@@ -111,10 +111,11 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let smoother = Check::new(what, "smoother", "< 1", &short(share), Some(share < 1.0));
     outcome.checks.push(smoother);
     for (axis, name) in ["forward", "upward"].iter().enumerate() {
-        let what = format!("the same, {name} direction only");
+        let what = format!("the same ratio, {name} direction only");
         outcome.checks.push(Check::informative(&what, "", rough[0][axis] / rough[1][axis]));
     }
-    let what = "the same at the point spacing of this grid, which exceeds the length of ripples";
+    let what =
+        "the same ratio at the point spacing of this grid, which exceeds the length of ripples";
     outcome.checks.push(Check::informative(what, "", curvature[0] / curvature[1]));
     let what = "roughness of hybrid / roughness of linear friction, k_n 1000";
     outcome.checks.push(Check::informative(what, "", sum(rough[2]) / sum(rough[1])));

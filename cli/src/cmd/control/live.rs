@@ -83,11 +83,11 @@ struct ControlOutput {
     untracked: u64,
     lost: u64,
     missing_measurements: u64,
-    /// Median duration of a tick.
+    /// Median duration of a tick, ms.
     tick_median_ms: f64,
-    /// 99th percentile of the duration of a tick.
+    /// 99th percentile of the duration of a tick, ms.
     tick_99_percent_ms: f64,
-    /// Maximum duration of a tick.
+    /// Maximum duration of a tick, ms.
     tick_longest_ms: f64,
     /// Number of samples for each lateness of the answer in force, in samples, from 0.
     late_by_samples: Vec<u64>,

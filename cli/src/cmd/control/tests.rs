@@ -22,7 +22,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 const S: u64 = 1_000_000;
-/// Computing time of a tick.
+/// Computing time of a tick, µs.
 const TICK_US: u64 = 1_000;
 
 /// Library with its plans.

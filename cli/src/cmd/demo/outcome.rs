@@ -255,6 +255,6 @@ fn bounds(clips: &[Clip], levels: &Levels, config: &RobotConfig, is_on_ground: b
         bound("setpoints later than their control period", "", 0.0, |clip| {
             clip.late_setpoints as f64
         }),
-        bound("load of the fullest bus", "", BUS_LOAD, |clip| clip.bus_load),
+        bound("load of the busiest bus", "", BUS_LOAD, |clip| clip.bus_load),
     ]
 }

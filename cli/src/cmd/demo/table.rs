@@ -96,7 +96,7 @@ dynamics, slip  largest residual of the equations of motion and of rolling, reco
 size            bytes of the clip in the library
 command error   difference between the plan and the setpoints on the bus: joints, wheels
 tracking error  difference between the setpoints on the bus and the motors: joints, wheels
-bus             load of the fullest bus while the clip was played";
+bus             load of the busiest bus while the clip was played";
 
 fn cells(clip: &Clip) -> [String; 13] {
     [

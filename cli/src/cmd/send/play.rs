@@ -143,11 +143,11 @@ fn finish(
 
 /// Playback of a loop, in seconds at the actual playback speed.
 struct Loop {
-    /// Duration of a cycle.
+    /// Duration of a cycle, s.
     round_s: f64,
-    /// Position, counted over all cycles since the first that was observed.
+    /// Time within the motion, s, counted over all cycles since the first that was observed.
     position_s: f64,
-    /// Position of the end of the cycle in which the requested time is over.
+    /// Time of the end of the cycle in which the requested time is over, s.
     end_s: f64,
 }
 

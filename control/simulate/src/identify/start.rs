@@ -38,7 +38,7 @@ enum StartCoordinate {
     Rotation(Vector3<f64>),
     Velocity(Vector3<f64>),
     Spin(Vector3<f64>),
-    /// Angle of a joint. While feet stick, legs keep the strain of their start.
+    /// Angle of a joint. While the feet stick, the legs keep the strain that they have at the start.
     Joint(usize),
 }
 

@@ -92,7 +92,7 @@ impl Timing {
 pub struct Bus {
     port: Port,
     timing: Timing,
-    /// Time at which the waiting frame was passed to the hardware.
+    /// Time at which the waiting frame was passed to the hardware, µs.
     waits_since_us: u64,
     report: BusReport,
 }

@@ -8,9 +8,9 @@ import { format, h, replace } from "../ui/dom.ts";
 const FIRST = "peak_joint_torque";
 /** Names of quantities that need an explanation. */
 const MEANINGS: Record<string, string> = {
-  peak_joint_torque: "peak joint torque (8-norm of all)",
+  peak_joint_torque: "smooth maximum (8-norm) of the joint torques",
   joint_torque: "joint torque (r.m.s. of all)",
-  peak_joint_speed: "peak joint speed (8-norm of all)",
+  peak_joint_speed: "smooth maximum (8-norm) of the joint speeds",
   power: "mechanical power, mean"
 };
 

@@ -10,7 +10,7 @@ import { format, h, prose, replace } from "../ui/dom.ts";
 
 export type StatusActions = { jump(fault: Fault): void; seek(time_s: number): void };
 
-/** Planning that ends earlier is not announced, because the text would flicker. */
+/** Planning time below which the page shows no "Planning", ms, because the text would flicker. */
 const QUIET_MS = 250;
 
 export function buildStatus(host: HTMLElement, studio: Studio, link: RobotLink, actions: StatusActions) {

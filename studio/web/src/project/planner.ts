@@ -7,7 +7,7 @@ import type { Snapshot } from "./documents.ts";
 
 export const FRAMES_HZ = 60;
 const DRAG_ITERATIONS = 2;
-/** A newer edit interrupts a complete solve that takes longer. */
+/** Time of a complete solve, ms, after which a newer edit interrupts it. */
 const PATIENCE_MS = 500;
 
 /** `plan` is the text of a plan file to start from. */

@@ -12,7 +12,7 @@ import { adviceOf, factsOf, latestOf, motionsOf, stateOf } from "./words.ts";
 
 /** Planned speed in the link's 64ths, which is the maximum. */
 const FULL_SPEED = 64;
-/** Minimum time between two texts about the plan beside the robot, because faster changes cannot be read. */
+/** Minimum time between two texts about the plan beside the robot, ms, because faster changes cannot be read. */
 const READ_MS = 200;
 
 export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild, beside: PlanComparison): HTMLElement {

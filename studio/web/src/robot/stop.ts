@@ -4,7 +4,7 @@ import { h } from "../ui/dom.ts";
 import type { RobotLink } from "./link.ts";
 import { motionsOf } from "./words.ts";
 
-/** Time after which a stop without acknowledgement is reported. */
+/** Time after which a stop without acknowledgement is reported, ms. */
 const UNANSWERED_MS = 500;
 
 export function emergencyStop(host: HTMLElement, link: RobotLink) {

@@ -3,7 +3,7 @@
 import type { ConnectionKind, RobotView } from "../contract.ts";
 import { format } from "../ui/dom.ts";
 
-/** Time without an answer after which the robot is reported as silent, with possible causes. */
+/** Time without an answer, ms, after which the robot is reported as silent, with possible causes. */
 const SILENT_MS = 5_000;
 /** Time for which messages are also shown beside the state, s. */
 const LATEST_S = 6;

@@ -14,9 +14,9 @@ import { openRelay, type Port } from "./port.ts";
 import { findPort, openSerial } from "./serial.ts";
 
 const TICK_MS = 16;
-/** Maximum silence of the page during which an operator still counts as present. */
+/** Maximum silence of the page, ms, during which an operator still counts as present. */
 const PAGE_SILENT_MS = 1000;
-/** Longest wait for a port to close. */
+/** Longest wait for a port to close, ms. */
 const CLOSING_MS = 500;
 
 const worker = globalThis as unknown as {

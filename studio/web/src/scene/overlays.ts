@@ -20,7 +20,7 @@ import { dispose } from "./lines.ts";
 import type { Palette } from "./palette.ts";
 
 const GRAVITY_M_S2 = 9.80665;
-/** Length of the arrow of a force equal to the robot's weight, and height of a cone, for a robot of AgileBot's height. */
+/** Length of the arrow of a force equal to the robot's weight, and height of a cone, m, for a robot of AgileBot's height. */
 const WEIGHT_LENGTH_M = 0.35;
 const CONE_HEIGHT_M = 0.1;
 const COM_RADIUS_M = 0.008;

@@ -18,7 +18,7 @@ import { Stage } from "./stage.ts";
 const GHOSTS = 4;
 const AGILEBOT_HEIGHT_M = 0.29;
 /**
- * Minimum time between pictures of a connected robot that are drawn in software, because its heartbeats also need the processor.
+ * Minimum time between pictures of a connected robot that are drawn in software, ms, because its heartbeats also need the processor.
  */
 const LIVE_MS = 100;
 /** Limit of invisible changes of poses, m and quaternions. */

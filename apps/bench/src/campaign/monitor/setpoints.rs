@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 
 /// Maximum ratio of gains set at run time to the gains of the robot (docs/parameters.md).
 const GAIN_RATIO: f32 = 2.0;
-/// Tolerance of a pose: half a step of rounding each in the feedback and in the set-point, and half a step of motion between
+/// Tolerance of a pose, rad: half a step of rounding each in the feedback and in the set-point, and half a step of motion between
 /// two samples without torque.
 const POSE_ROUNDING_RAD: f64 = 1.5 * POSITION_STEP_RAD as f64;
 /// Largest ratio by which rounding increases a gain in a set-point with torque.

@@ -14,9 +14,9 @@ use std::sync::Arc;
 
 /// Edge of a cube, m.
 pub(crate) const EDGE_M: f64 = 0.05;
-/// Mass of a cube.
+/// Mass of a cube, kg.
 pub(crate) const CUBE_KG: f64 = 0.05;
-/// Stiffness of strings and bands (Table A.2).
+/// Stiffness of strings and bands, N/m (Table A.2).
 pub(crate) const STRING_N_M: f64 = 5.0;
 /// Contact of a cube's corners with the ground (Table A.2).
 const NORMAL: Normal =
