@@ -118,7 +118,7 @@ impl Plant {
     }
 
     /// Clamps the required torque to the torque that the motor has at the speed after the step.
-    /// `load` is the torque of the load at speed 0, and the torque that it loses by speed.
+    /// `load` is the torque of the load at speed 0, and the decrease of this torque per unit of speed.
     fn available(&self, wanted: f64, limit_nm: f64, gain: f64, load: [f64; 2]) -> f64 {
         let most = self.torque_max_nm.min(limit_nm);
         let torque = wanted.clamp(-most, most);

@@ -87,7 +87,7 @@ def summary(lines):
     missed = [line for line in good if not held(line, HARD_S)]
     lost = [line for line in refused if held(line, CONTACTS_S)]
     ratios = lambda line: [run.get("ratio") or run.get("fell") or run.get("error") for run in line["mujoco"].values()]
-    for title, wrong in (("good, and misses in MuJoCo", missed), ("refused, and holds in MuJoCo", lost)):
+    for title, wrong in (("good, and fails in MuJoCo", missed), ("refused, and passes in MuJoCo", lost)):
         for line in wrong:
             why = line["simulation"] if line["consistent"] else line["judgement"]
             print(f"{title}: {line['key']}, {ratios(line)}, {why}")
@@ -95,7 +95,7 @@ def summary(lines):
     others = {name: {line["key"]: line["verdicts"][name] for line in judged} for name in ("report", *SIMULATED)}
     for name in CONTACTS_S:
         others[name] = {line["key"]: bool(line["mujoco"][name].get("holds")) for line in judged}
-    print(f"{'of':30}{'both hold':>12}{'plan only':>12}{'it only':>12}{'neither':>12}")
+    print(f"{'of':30}{'both pass':>12}{'plan only':>12}{'it only':>12}{'neither':>12}")
     for name, verdicts in others.items():
         counts = [sum((line["holds"], verdicts[line["key"]]) == of for line in judged) for of in ((True, True), (True, False), (False, True), (False, False))]
         print(f"{name:30}" + "".join(f"{count:12}" for count in counts))
@@ -103,7 +103,7 @@ def summary(lines):
     errors = [line["key"] for line in lines if "error" in line]
     print(
         f"of {len(lines)} requests {infeasible} are infeasible, {len(needs)} say that they need feedback, {len(taken_back)} are taken back, {len(errors)} are refused as files; "
-        f"{len(good)} are good, of which {len(missed)} miss in MuJoCo; {len(refused)} are refused, of which {len(lost)} hold"
+        f"{len(good)} are good, of which {len(missed)} fail in MuJoCo; {len(refused)} are refused, of which {len(lost)} pass in MuJoCo"
     )
     return int(max(len(missed) / max(len(good), 1), len(lost) / len(judged)) > 1 / ONE_IN)
 

@@ -96,7 +96,7 @@ def replayed(plan, robot, time_constant_s):
 
 
 def _comes_there(cycles):
-    """True if the motion holds by the rules of the simulator (docs/solver.md, Simulated). `cycles` contains the
+    """True if the motion passes by the rules of the simulator (docs/solver.md, Simulated). `cycles` contains the
     achieved goals of each period, as fractions of the planned goals."""
     rest = cycles[1:] or cycles
     if any(abs(of - 1) > 0.05 for of in _mean(rest) + _mean(rest[-3:])):

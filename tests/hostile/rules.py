@@ -90,7 +90,7 @@ class Rules:
         return self
 
     def _settle(self, now):
-        """Counts early torque without a later acknowledgement."""
+        """Counts a violation for torque that came before an acknowledgement which never arrived."""
         while self.early and now > self.early[0][0] + ANSWER_LATE_S:
             self._break(*self.early.pop(0))
 

@@ -5,7 +5,7 @@
 
 docs/replay.md describes the simulation and the columns. Needs Python 3.11, mujoco and numpy.
 
-Exit code: 0 if every motion holds (stays on its feet and within 0.95 to 1.05 of its plan) with the feed-forward that
+Exit code: 0 if every motion passes (stays on its feet and within 0.95 to 1.05 of its plan) with the feed-forward that
 its robot's drives accept, or, without such a run, with every requested feed-forward; 1 if one does not, 2 if a file
 or an option cannot be used.
 """

@@ -6,7 +6,7 @@ import numpy as np
 
 from motion import yaw_matrix
 
-# Range of achieved / planned in which a motion holds.
+# Range of achieved / planned in which a motion passes.
 BAND = (0.95, 1.05)
 # Planned distances and turns below these are not goals, m and rad.
 SMALLEST = {"forward_m": 0.005, "left_m": 0.005, "turn_rad": 0.01}

@@ -6,7 +6,7 @@ import textwrap
 HEAD = {
     "motion": "motion of robot",
     "feed_forward": "feed-forward",
-    "holds": "holds",
+    "holds": "passes",
     "ratio": "cycles 2–5",
     "late": "last cycle",
     "side": "sideways mm",
@@ -52,7 +52,7 @@ def both(results):
     ]]
     for name, (fed, bare) in _pairs(results).items():
         remark = [_fell(fed)] if fed["fell_at_s"] is not None else []
-        remark += ["needs feedback"] if fed["needs_feedback"] else [] if fed["holds"] else ["**does not hold**"]
+        remark += ["needs feedback"] if fed["needs_feedback"] else [] if fed["holds"] else ["**fails**"]
         remark += [] if bare["holds"] else ["without: " + ("falls" if bare["fell_at_s"] is not None else "no")]
         ends = lambda result: [
             _ratios(result["ratio"], result["drift"]), _ratios(result["ratio_late"], result["drift_late"])
@@ -91,12 +91,12 @@ def in_words(results):
     if marked:
         text += f"Their files and `rollwalk report` mark these as motions that need feedback: {', '.join(marked)}. "
     if failing:
-        text += f"Neither hold nor are marked: {', '.join(failing)}. "
+        text += f"These fail, and their files do not mark them: {', '.join(failing)}. "
     worst = [
         f"{name} ({'falls' if bare[name]['fell_at_s'] is not None else f'{_worst(bare[name]):.2f}'})" for name in sagging[:4]
     ]
     if sagging:
-        text += f"Without feed-forward {len(sagging)} more do not hold, worst {', '.join(worst)}."
+        text += f"Without feed-forward {len(sagging)} more fail, worst {', '.join(worst)}."
     return textwrap.fill(text.strip(), 116, break_on_hyphens=False)
 
 

@@ -550,7 +550,7 @@ class Words(unittest.TestCase):
         self.assertEqual(drifts, "| `walk` of a1 | servos | 2, 1, 0 | 2, 1, 0 | – |")
         self.assertEqual(pushes, "| `walk` of a1 | servos | 0.60 | 0.4 | 0.80 |")
 
-    def test_tables_and_words_count_what_holds(self):
+    def test_tables_and_words_count_what_passes(self):
         results = []
         for motion, fed, bare, marked, fell in [
             ("walk", 1.0, 0.99, None, None), ("turn", 0.99, 0.4, None, None), ("run", 0.2, 0.1, "yes", 1.5),
@@ -562,8 +562,8 @@ class Words(unittest.TestCase):
         self.assertEqual(tables.verdict(results), "passed")
         self.assertIn("3 of 4 motions reach", words)
         self.assertIn("need feedback: `run` of pup.", words)
-        self.assertIn("2 more do not hold, worst `turn` of pup (0.40), `hop` of pup (0.90).", words)
-        self.assertNotIn("nor are marked", words)
+        self.assertIn("2 more fail, worst `turn` of pup (0.40), `hop` of pup (0.90).", words)
+        self.assertNotIn("do not mark them", words)
         rows = tables.both(results).splitlines()
         self.assertEqual(len(rows), 6)
         self.assertIn("| `turn` of pup | 0.990 | 0.990 | 1.0 | 0.0 | 2.0 | 0.400 | 0.400 | 2.0 | without: no |", rows)

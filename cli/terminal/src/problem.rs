@@ -41,7 +41,7 @@ const JSON: Format = Format {
     name: PROBLEM_FORMAT,
     version: VERSION,
     what: "problem",
-    make_again: "dump it once more",
+    make_again: "write it again with --dump",
     help: "write a problem file with `rollwalk plan --dump`; docs/problem-files.md lists every \
         field",
 };

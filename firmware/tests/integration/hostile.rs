@@ -167,8 +167,8 @@ fn the_sequences_reach_every_state() {
     assert!(expected.iter().all(|state| seen.contains(state)), "only {seen:?}");
 }
 
-/// A lagging joint gets a smaller torque. The full torque returns at once when the joint has caught up. The sum is within the
-/// limit in both cases.
+/// A lagging joint gets a smaller feed-forward torque. The full torque returns at once when the joint has caught up. In both
+/// cases the sum of feedback and feed-forward torque is within the limit.
 #[test]
 fn a_torque_that_was_scaled_comes_back() {
     let mut rig = Rig::new(Some(&library()));

@@ -161,7 +161,7 @@ struct Row<const N: usize> {
     rms: [Option<f64>; N],
 }
 
-/// Root mean squares of each measured signal.
+/// Root mean square errors of each measured signal.
 fn rows<const N: usize>(of: &[Option<Quality>; N]) -> impl Iterator<Item = Row<N>> {
     Signal::ALL.into_iter().filter_map(move |signal| {
         let rms = of.each_ref().map(|quality| quality.as_ref()?.of_signal(signal));

@@ -228,7 +228,7 @@ mod tests {
         let draw =
             |cells| draw(&Picture { title: "t".into(), quantity: "q".into(), kind: kind(cells) });
         let whole = draw(vec![vec![Holds(1.0); 3], vec![Holds(2.0), Lost, Holds(3.0)]]);
-        // Both ends of the ramp, and two cells in which no plan holds.
+        // Both ends of the ramp, and two cells in which no plan passes.
         for (color, fields) in [("#fde725", 6), ("#440154", 2), (NOTHING, 2)] {
             assert_eq!(count(&whole, &format!("fill=\"{color}\"")), fields, "{color}");
         }

@@ -39,7 +39,7 @@ fn head_width(catalog: &Catalog) -> usize {
     4 + name_width(catalog) + 7
 }
 
-/// Width that shows all columns.
+/// Width that shows all columns, characters.
 pub fn width(scene: &Scene) -> u16 {
     let Some(catalog) = &scene.names.catalog else { return 36 };
     (head_width(catalog) + 2 * catalog.motions.len() + 1) as u16
