@@ -304,15 +304,37 @@ fn store<const R: usize, const C: usize>(
     values[begin..begin + R * C].copy_from_slice(block.as_slice());
 }
 
-/// Replaces a block by its inverse. Returns false if the block is singular.
+/// Replaces a block by its inverse, with Gauss-Jordan elimination and row exchanges. Returns false if the block is singular.
 fn invert<const N: usize>(values: &mut [f64], begin: usize) -> bool {
-    let inverse = load::<N, N>(values, begin).try_inverse();
-    let Some(inverse) = inverse.filter(|inverse| inverse.iter().all(|value| value.is_finite()))
-    else {
-        return false;
-    };
-    store(values, begin, &inverse);
-    true
+    // Rows here are the columns of the block: the inverse of the transpose is the transpose of the inverse.
+    let (rows, _) = values[begin..begin + N * N].as_chunks_mut::<N>();
+    let mut exchanges = [0; N];
+    for k in 0..N {
+        let mut pivot = k;
+        for row in k + 1..N {
+            if rows[row][k].abs() > rows[pivot][k].abs() {
+                pivot = row;
+            }
+        }
+        exchanges[k] = pivot;
+        rows.swap(k, pivot);
+        let mut own = rows[k];
+        let inverse = own[k].recip();
+        if !inverse.is_finite() {
+            return false;
+        }
+        own[k] = 1.0;
+        own.iter_mut().for_each(|value| *value *= inverse);
+        rows[k] = own;
+        for (_, other) in rows.iter_mut().enumerate().filter(|(row, _)| *row != k) {
+            let factor = std::mem::replace(&mut other[k], 0.0);
+            other.iter_mut().zip(own).for_each(|(value, own)| *value -= factor * own);
+        }
+    }
+    for k in (0..N).rev() {
+        rows.iter_mut().for_each(|row| row.swap(k, exchanges[k]));
+    }
+    rows.as_flattened().iter().all(|value| value.is_finite())
 }
 
 /// Multiplies a block from the right by an inverse block.

@@ -243,7 +243,8 @@ impl Force for GroundContact {
         }
         self.wrenches(view, wrenches);
         let none = Matrix3::zeros();
-        let (by_position, by_rotation) = (place.point_by_position, place.point_by_rotation);
+        let by_pose = place.by_pose();
+        let (by_position, by_rotation) = (by_pose.point_by_position, by_pose.point_by_rotation);
         let arm = VectorWithDerivatives {
             value: place.arm,
             by: [by_position - Matrix3::identity(), by_rotation, none, none],
@@ -255,10 +256,10 @@ impl Force for GroundContact {
         };
         let normal = VectorWithDerivatives {
             value: normal,
-            by: [place.normal_by_position, place.normal_by_rotation, none, none],
+            by: [by_pose.normal_by_position, by_pose.normal_by_rotation, none, none],
         };
         let still = RowVector3::zeros();
-        let gap_by = [place.gap_by_position, place.gap_by_rotation, still, still];
+        let gap_by = [by_pose.gap_by_position, by_pose.gap_by_rotation, still, still];
         let (opening, opening_by) = normal.dot(&velocity);
         let stiffness = self.normal.stiffness_n_m;
         let press = self.normal.press(gap_m, opening);

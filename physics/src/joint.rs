@@ -2,7 +2,7 @@
 
 use crate::force::{Derivative, Force, StateBlock, View, Wrench};
 use crate::motion::BodyMotion;
-use crate::points::{PointForce, Points};
+use crate::points::Points;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation::skew;
 
@@ -32,13 +32,10 @@ pub struct ParallelAxes {
 }
 
 impl Ball {
-    fn pull(&self, now: &[BodyMotion]) -> PointForce {
+    /// Force on the first point, N.
+    fn pull(&self, now: &[BodyMotion]) -> Vector3<f64> {
         let (offset, velocity) = self.ends.apart(now);
-        PointForce {
-            force: offset * self.stiffness_n_m + velocity * self.damping_n_s_m,
-            by_offset: Matrix3::identity() * self.stiffness_n_m,
-            by_velocity: Matrix3::identity() * self.damping_n_s_m,
-        }
+        offset * self.stiffness_n_m + velocity * self.damping_n_s_m
     }
 }
 
@@ -48,7 +45,7 @@ impl Force for Ball {
     }
 
     fn wrenches(&self, view: &View<'_>, wrenches: &mut [Wrench]) {
-        self.ends.add_wrenches(view.now, &self.pull(view.now).force, wrenches);
+        self.ends.add_wrenches(view.now, &self.pull(view.now), wrenches);
     }
 
     fn derivatives(
@@ -57,8 +54,10 @@ impl Force for Ball {
         wrenches: &mut [Wrench],
         derivatives: &mut [Derivative],
     ) {
-        self.wrenches(view, wrenches);
-        self.ends.add_derivatives(view.now, &self.pull(view.now), view.tame, derivatives);
+        let pull = self.pull(view.now);
+        self.ends.add_wrenches(view.now, &pull, wrenches);
+        let gains = [self.stiffness_n_m, self.damping_n_s_m];
+        self.ends.add_derivatives_alike(view.now, gains, &pull, view.tame, derivatives);
     }
 
     fn energy(&self, now: &[BodyMotion]) -> f64 {

@@ -1,12 +1,15 @@
-//! Newton matrix: blocks of bodies in compressed columns, and its solvers. Pattern and elimination order are computed once.
+//! Newton matrix of blocks of bodies, and its solvers. Pattern and elimination order are computed once.
 //!
 //! A dense LU with row exchanges solves the matrices that the block LU (`block_lu.rs`) cannot. Such matrices are rare: no step
 //! in the tests of this crate has one. The memory of the dense LU grows with the square of the number of unknowns.
 
 use crate::block_lu::BlockLu;
-use nalgebra::{DMatrix, DVectorViewMut, Dyn, Matrix3, Matrix6, PermutationSequence, Vector3};
+use nalgebra::{
+    DMatrix, DMatrixView, DVectorViewMut, Dyn, Matrix3, Matrix6, PermutationSequence, Vector3,
+};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
+use std::ops::Range;
 
 /// Maximum number of unknowns of a body.
 const MOST: usize = 6;
@@ -15,26 +18,29 @@ const DENSE_MAX: usize = 5000;
 /// Relative error of a solution that does not affect Newton's method.
 const ERROR: f64 = 1e-6;
 
-/// Position of a block in the values of the matrix.
-#[derive(Clone, Copy, Debug, Default)]
+/// Block in the values of the matrix.
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Slot {
-    /// Index of the block's first value in each of its columns.
-    starts: [usize; MOST],
+    /// Index of the block's first value. Values follow by columns.
+    begin: usize,
     rows: usize,
     columns: usize,
+    /// Row and column of the first value in the matrix.
+    first: (usize, usize),
+}
+
+impl Slot {
+    fn range(&self) -> Range<usize> {
+        self.begin..self.begin + self.rows * self.columns
+    }
 }
 
 /// Square matrix of blocks with a fixed pattern.
 pub(crate) struct BlockMatrix {
-    /// Index of the first value of each column, followed by the number of values.
-    starts: Vec<usize>,
-    /// Row of each value.
-    rows: Vec<usize>,
+    /// Values in the layout of the block LU; blocks of the fill are zero.
     values: Vec<f64>,
     slots: BTreeMap<(usize, usize), Slot>,
     lu: BlockLu,
-    /// Index of the first value of each slot in the block LU.
-    begins: Vec<usize>,
     /// LU with row exchanges, if the block LU is inaccurate.
     exchanging: Option<PivotedLu>,
     solution: Vec<f64>,
@@ -57,34 +63,24 @@ impl BlockMatrix {
     /// Creates a matrix of zeros. `unknowns` has the number of unknowns of each body. `coupled` lists the off-diagonal blocks
     /// that may be nonzero, as pairs of row and column.
     pub fn new(unknowns: &[usize], coupled: impl Iterator<Item = (usize, usize)>) -> Self {
-        let mut blocks: BTreeSet<(usize, usize)> = (0..unknowns.len()).map(|k| (k, k)).collect();
-        // Sorted by column, then row.
-        blocks.extend(coupled.map(|(row, column)| (column, row)));
+        let mut pairs: BTreeSet<(usize, usize)> = (0..unknowns.len()).map(|k| (k, k)).collect();
+        pairs.extend(coupled);
+        let pairs: Vec<_> = pairs.into_iter().collect();
         let mut firsts = vec![0];
-        firsts.extend(unknowns.iter().scan(0, |sum, &count| {
-            *sum += count;
-            Some(*sum)
-        }));
-        let size = firsts[unknowns.len()];
-        let (mut starts, mut rows) = (vec![0], Vec::new());
-        let mut slots: BTreeMap<(usize, usize), Slot> = BTreeMap::new();
-        for (column, &columns) in unknowns.iter().enumerate() {
-            for within in 0..columns {
-                for &(_, row) in blocks.range((column, 0)..(column + 1, 0)) {
-                    let slot = slots.entry((row, column)).or_default();
-                    (slot.rows, slot.columns) = (unknowns[row], columns);
-                    slot.starts[within] = rows.len();
-                    rows.extend(firsts[row]..firsts[row + 1]);
-                }
-                starts.push(rows.len());
-            }
+        for count in unknowns {
+            firsts.push(firsts[firsts.len() - 1] + count);
         }
-        let values = vec![0.0; rows.len()];
-        let pairs: Vec<_> = slots.keys().copied().collect();
-        let lu = BlockLu::plan(unknowns, &pairs);
-        let begins = pairs.iter().map(|&(row, column)| lu.begin(row, column)).collect();
-        let solution = vec![0.0; size];
-        Self { starts, rows, values, slots, lu, begins, exchanging: None, solution }
+        let mut lu = BlockLu::plan(unknowns, &pairs);
+        let slot = |(row, column): (usize, usize)| Slot {
+            begin: lu.begin(row, column),
+            rows: unknowns[row],
+            columns: unknowns[column],
+            first: (firsts[row], firsts[column]),
+        };
+        let slots = pairs.iter().map(|&pair| (pair, slot(pair))).collect();
+        let values = vec![0.0; lu.values().len()];
+        let solution = vec![0.0; firsts[unknowns.len()]];
+        Self { values, slots, lu, exchanging: None, solution }
     }
 
     /// Sets all values to 0.
@@ -99,18 +95,22 @@ impl BlockMatrix {
 
     /// Adds to a block. For a particle, only the first three rows or columns of `block` are used.
     pub fn add(&mut self, slot: &Slot, block: &Matrix6<f64>) {
-        for (&start, column) in slot.starts[..slot.columns].iter().zip(block.column_iter()) {
-            for (value, more) in self.values[start..start + slot.rows].iter_mut().zip(&column) {
-                *value += more;
-            }
+        let values = &mut self.values[slot.range()];
+        if slot.rows == MOST {
+            // Columns of the block follow each other.
+            values.iter_mut().zip(block.as_slice()).for_each(|(value, more)| *value += more);
+            return;
+        }
+        for (values, column) in values.chunks_exact_mut(slot.rows).zip(block.column_iter()) {
+            values.iter_mut().zip(&column).for_each(|(value, more)| *value += more);
         }
     }
 
     /// Multiplies the first three rows of a body from the left by a matrix.
     pub fn mix_rows(&mut self, row: usize, by: &Matrix3<f64>) {
         for slot in self.slots.range((row, 0)..(row + 1, 0)).map(|(_, slot)| slot) {
-            for &start in &slot.starts[..slot.columns] {
-                let part = &mut self.values[start..start + 3];
+            for column in self.values[slot.range()].chunks_exact_mut(slot.rows) {
+                let part = &mut column[..3];
                 part.copy_from_slice((by * Vector3::from_column_slice(part)).as_slice());
             }
         }
@@ -173,14 +173,7 @@ impl BlockMatrix {
 
     /// Solves with the block LU. Returns false and leaves the right-hand side unchanged if the solution is inaccurate.
     fn solve_blocks(&mut self, side: &mut [f64]) -> bool {
-        let values = self.lu.values();
-        values.fill(0.0);
-        for (slot, &begin) in self.slots.values().zip(&self.begins) {
-            for (column, &start) in slot.starts[..slot.columns].iter().enumerate() {
-                values[begin + column * slot.rows..][..slot.rows]
-                    .copy_from_slice(&self.values[start..start + slot.rows]);
-            }
-        }
+        self.lu.values().copy_from_slice(&self.values);
         if !self.lu.factorise() {
             return false;
         }
@@ -196,10 +189,12 @@ impl BlockMatrix {
     /// Norm of the residual of the present solution.
     fn error(&self, side: &[f64]) -> f64 {
         let mut left = side.to_vec();
-        for (ends, factor) in self.starts.windows(2).zip(&self.solution) {
-            let column = ends[0]..ends[1];
-            for (&row, value) in self.rows[column.clone()].iter().zip(&self.values[column]) {
-                left[row] -= value * factor;
+        for slot in self.slots.values() {
+            let (row, column) = slot.first;
+            let factors = &self.solution[column..column + slot.columns];
+            let left = &mut left[row..row + slot.rows];
+            for (values, factor) in self.values[slot.range()].chunks_exact(slot.rows).zip(factors) {
+                left.iter_mut().zip(values).for_each(|(left, value)| *left -= value * factor);
             }
         }
         norm(&left)
@@ -211,10 +206,10 @@ impl BlockMatrix {
             return false;
         }
         let mut matrix = DMatrix::zeros(side.len(), side.len());
-        for (column, ends) in self.starts.windows(2).enumerate() {
-            for at in ends[0]..ends[1] {
-                matrix[(self.rows[at], column)] = self.values[at];
-            }
+        for slot in self.slots.values() {
+            let block =
+                DMatrixView::from_slice(&self.values[slot.range()], slot.rows, slot.columns);
+            matrix.view_mut(slot.first, (slot.rows, slot.columns)).copy_from(&block);
         }
         let (exchanges, lower, upper) = matrix.lu().unpack();
         let regular = upper.diagonal().iter().all(|&pivot| pivot.is_finite() && pivot != 0.0);

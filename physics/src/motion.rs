@@ -27,6 +27,43 @@ impl BodyMotion {
         }
     }
 
+    /// Motion after a displacement from the motion `last` in a step. `before` is the displacement in the previous step, for
+    /// BDF2.
+    pub(crate) fn after(
+        weights: &Weights,
+        last: &BodyMotion,
+        before: &Displacement,
+        displacement: &Displacement,
+    ) -> Self {
+        Self::after_increment(
+            weights,
+            last,
+            before,
+            displacement,
+            &Increment::new(displacement.turn),
+        )
+    }
+
+    /// [`after`](Self::after) with the increment of the displacement's turn.
+    fn after_increment(
+        weights: &Weights,
+        last: &BodyMotion,
+        before: &Displacement,
+        displacement: &Displacement,
+        increment: &Increment,
+    ) -> Self {
+        let &Displacement { shift, turn } = displacement;
+        // BDF2 of the position is (1.5 d − 0.5 d1)/h; its rotation increments are carried to the same frame by J_l.
+        let share = weights.before_share();
+        let carried = increment.left_jacobian_times(&before.turn);
+        Self {
+            position: last.position + shift,
+            rotation: increment.rotation() * last.rotation,
+            velocity: shift * weights.gain() - before.shift * share,
+            spin: turn * weights.gain() - carried * share,
+        }
+    }
+
     /// Position, m, and velocity, m/s, of a point of the body. `in_body` is measured from the centre of mass in body axes.
     pub fn point(&self, in_body: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let arm = self.rotation * in_body;
@@ -97,6 +134,11 @@ impl Weights {
         [self.last / self.step_s, self.before / self.step_s]
     }
 
+    /// Share of the displacement in the previous step that a velocity subtracts, 1/s.
+    fn before_share(&self) -> f64 {
+        self.before / self.step_s
+    }
+
     /// Rate of a quantity from its values now, one step earlier and two steps earlier.
     pub fn rate<T>(&self, now: T, last: T, before: T) -> T
     where
@@ -125,21 +167,13 @@ impl TrialMotion {
         before: &Displacement,
         displacement: &Displacement,
     ) -> Self {
-        let &Displacement { shift, turn } = displacement;
-        let increment = Increment::new(turn);
-        // BDF2 of the position is (1.5 d − 0.5 d1)/h; its rotation increments are carried to the same frame by J_l.
-        let share = weights.before / weights.step_s;
-        let (carried, carried_by_phi) = increment.left_jacobian_times(&before.turn);
-        let motion = BodyMotion {
-            position: last.position + shift,
-            rotation: increment.rotation() * last.rotation,
-            velocity: shift * weights.gain() - before.shift * share,
-            spin: turn * weights.gain() - carried * share,
-        };
+        let increment = Increment::new(displacement.turn);
+        let carried_by_phi = increment.left_jacobian_times_by_phi(&before.turn);
         Self {
-            motion,
+            motion: BodyMotion::after_increment(weights, last, before, displacement, &increment),
             turn_by_phi: increment.left_jacobian(),
-            spin_by_phi: Matrix3::identity() * weights.gain() - carried_by_phi * share,
+            spin_by_phi: Matrix3::identity() * weights.gain()
+                - carried_by_phi * weights.before_share(),
         }
     }
 }

@@ -5,7 +5,7 @@ use crate::motion::BodyMotion;
 use nalgebra::{Matrix3, Matrix6x3, Vector3};
 use rollwalk_multibody::rotation::skew;
 use rollwalk_robot::{Actuator, JointSpring, TorqueSpeedLine};
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// Ratio of stall torque to torque limit for an actuator without a torque-speed line. Such a motor has full torque up to 95 %
 /// of its speed limit.
@@ -166,7 +166,8 @@ impl Motor {
     pub fn angle(&self, now: &[BodyMotion]) -> f64 {
         let (sine, cosine, _) = self.sine_cosine(now);
         let within_turn = sine.atan2(cosine);
-        within_turn + TAU * ((self.angle_rad - within_turn) / TAU).round()
+        let apart = self.angle_rad - within_turn;
+        if apart.abs() < PI { within_turn } else { within_turn + TAU * (apart / TAU).round() }
     }
 
     /// Speed of the second body about the axis relative to the first, rad/s.

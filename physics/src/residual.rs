@@ -11,6 +11,7 @@ use crate::matrix::{BlockMatrix, Slot};
 use crate::motion::{BodyMotion, Displacement, TrialMotion, Weights};
 use crate::touch::Touch;
 use nalgebra::{Matrix3, Matrix6, Vector3};
+use std::ops::Range;
 
 /// Known quantities of a step before it is solved.
 #[derive(Clone, Copy, Debug)]
@@ -66,16 +67,40 @@ pub(crate) struct Equations {
     /// Residual of each held particle without the constraint, N. Friction has to balance its tangential component.
     pub reactions: Vec<Vector3<f64>>,
     diagonal: Vec<Slot>,
-    slots: Vec<Vec<Slot>>,
+    groups: Vec<Group>,
     trials: Vec<TrialMotion>,
-    /// Motions of the bodies of one force: at the end of the step, at its beginning, and one step earlier.
-    gathered: [Vec<BodyMotion>; 3],
+    /// Motions of the bodies of one force at the end of the step.
+    gathered: Vec<BodyMotion>,
     wrenches: Vec<Wrench>,
     derivatives: Vec<Derivative>,
     /// Contribution of earlier steps to the rate of momentum, N and N·m.
     inertial: Vec<Wrench>,
     /// True for each force that is skipped because it has no effect.
     asleep: Vec<bool>,
+}
+
+/// Successive forces on the same bodies, such as those of a hinge. Their derivatives are mapped to the unknowns together.
+#[derive(Debug)]
+struct Group {
+    forces: Range<usize>,
+    /// Matrix block of each pair of bodies.
+    slots: Vec<Slot>,
+    /// Motions of the bodies at the beginning of the step and one step earlier; empty until they are used in the step.
+    earlier: [Vec<BodyMotion>; 2],
+}
+
+impl Group {
+    /// Groups the forces. Their slots are still empty.
+    fn of(forces: &[Box<dyn Force>]) -> Vec<Self> {
+        let mut end = 0;
+        let runs = forces.chunk_by(|a, b| a.bodies() == b.bodies());
+        runs.map(|run| {
+            let start = end;
+            end += run.len();
+            Self { forces: start..end, slots: Vec::new(), earlier: Default::default() }
+        })
+        .collect()
+    }
 }
 
 impl Equations {
@@ -93,10 +118,11 @@ impl Equations {
         let unknowns: Vec<_> = bodies.iter().map(Body::unknowns).collect();
         let coupled = forces.iter().flat_map(|force| pairs(force.as_ref()));
         let matrix = BlockMatrix::new(&unknowns, coupled);
-        let slots = forces
-            .iter()
-            .map(|force| pairs(force.as_ref()).map(|(i, j)| matrix.slot(i, j)).collect())
-            .collect();
+        let mut groups = Group::of(forces);
+        for group in &mut groups {
+            let first = forces[group.forces.start].as_ref();
+            group.slots = pairs(first).map(|(i, j)| matrix.slot(i, j)).collect();
+        }
         let mut firsts = vec![0];
         for count in &unknowns {
             firsts.push(firsts[firsts.len() - 1] + count);
@@ -105,12 +131,12 @@ impl Equations {
             residual: vec![0.0; firsts[bodies.len()]],
             diagonal: (0..bodies.len()).map(|k| matrix.slot(k, k)).collect(),
             firsts,
-            slots,
+            groups,
             matrix,
             motions: Vec::new(),
             reactions: Vec::new(),
             trials: Vec::new(),
-            gathered: Default::default(),
+            gathered: Vec::new(),
             wrenches: Vec::new(),
             derivatives: Vec::new(),
             inertial: Vec::new(),
@@ -131,7 +157,10 @@ impl Equations {
         }
         let step_s = step.weights.step_s;
         for (asleep, force) in self.asleep.iter_mut().zip(step.forces) {
-            *asleep = is_far(force.as_ref(), step.now, step_s, &mut self.gathered[0]);
+            *asleep = is_far(force.as_ref(), step.now, step_s, &mut self.gathered);
+        }
+        for group in &mut self.groups {
+            group.earlier.iter_mut().for_each(Vec::clear);
         }
     }
 
@@ -146,7 +175,7 @@ impl Equations {
         for (asleep, force) in
             self.asleep.iter_mut().zip(step.forces).filter(|(asleep, _)| **asleep)
         {
-            *asleep = is_far(force.as_ref(), &self.motions, 0.0, &mut self.gathered[0]);
+            *asleep = is_far(force.as_ref(), &self.motions, 0.0, &mut self.gathered);
             any |= !*asleep;
         }
         any
@@ -162,21 +191,24 @@ impl Equations {
         held: &[Option<StickingFriction>],
         derive: Derive,
     ) -> f64 {
-        let of_body = trial.iter().zip(step.now).zip(step.moved);
-        self.trials.clear();
-        self.trials.extend(
-            of_body.map(|((trial, now), moved)| TrialMotion::new(step.weights, now, moved, trial)),
-        );
+        let of_body = || trial.iter().zip(step.now).zip(step.moved);
+        let weights = step.weights;
         self.motions.clear();
-        self.motions.extend(self.trials.iter().map(|trial| trial.motion));
-        if derive != Derive::Nothing {
+        if derive == Derive::Nothing {
+            let after = |((trial, now), moved)| BodyMotion::after(weights, now, moved, trial);
+            self.motions.extend(of_body().map(after));
+        } else {
+            let after = |((trial, now), moved)| TrialMotion::new(weights, now, moved, trial);
+            self.trials.clear();
+            self.trials.extend(of_body().map(after));
+            self.motions.extend(self.trials.iter().map(|trial| trial.motion));
             self.matrix.clear();
         }
         for k in 0..step.bodies.len() {
             self.inertia(step, k, derive);
         }
-        for k in 0..step.forces.len() {
-            self.force(step, k, held, derive);
+        for group in 0..self.groups.len() {
+            self.forces(step, group, held, derive);
         }
         self.hold(step, holds, derive);
         self.residual.iter().map(|r| r * r).sum::<f64>().sqrt()
@@ -184,8 +216,8 @@ impl Equations {
 
     /// Sets the residual of a body to inertia and weight, and adds their derivatives to the matrix.
     fn inertia(&mut self, step: &Step<'_>, k: usize, derive: Derive) {
-        let (body, trial, gain) = (&step.bodies[k], &self.trials[k], step.weights.gain());
-        let (mass_kg, motion) = (body.mass_kg(), &trial.motion);
+        let (body, motion, gain) = (&step.bodies[k], &self.motions[k], step.weights.gain());
+        let mass_kg = body.mass_kg();
         let Wrench { force, moment } = self.inertial[k];
         let force = (motion.velocity * gain - step.gravity_m_s2) * mass_kg + force;
         let rows = &mut self.residual[self.firsts[k]..self.firsts[k + 1]];
@@ -195,48 +227,53 @@ impl Equations {
             rows[3..].copy_from_slice((body.spin_momentum(motion) * gain + moment).as_slice());
         }
         if derive != Derive::Nothing {
-            let block = body.momentum_by(motion).chained(trial, gain, turns) * gain;
+            let block = body.momentum_by(motion).chained(&self.trials[k], gain, turns) * gain;
             self.matrix.add(&self.diagonal[k], &block);
         }
     }
 
-    /// Subtracts a force from the residuals of its bodies, and its derivatives from the matrix.
-    fn force(
+    /// Subtracts the forces of a group from the residuals of their bodies, and their derivatives from the matrix.
+    fn forces(
         &mut self,
         step: &Step<'_>,
-        k: usize,
+        group: usize,
         helds: &[Option<StickingFriction>],
         derive: Derive,
     ) {
-        if self.asleep[k] {
+        let Group { forces, slots, earlier } = &mut self.groups[group];
+        if forces.clone().all(|k| self.asleep[k]) {
             return;
         }
-        let force = step.forces[k].as_ref();
-        let bodies = force.bodies();
-        for (gathered, all) in
-            self.gathered.iter_mut().zip([&self.motions[..], step.now, step.last])
-        {
-            gathered.clear();
-            gathered.extend(bodies.iter().map(|&body| all[body]));
+        let bodies = step.forces[forces.start].bodies();
+        if earlier[0].is_empty() {
+            for (motions, all) in earlier.iter_mut().zip([step.now, step.last]) {
+                motions.extend(bodies.iter().map(|&body| all[body]));
+            }
         }
-        let [now, last, before] = &self.gathered;
+        self.gathered.clear();
+        self.gathered.extend(bodies.iter().map(|&body| self.motions[body]));
+        let (now, [last, before]) = (&self.gathered, &*earlier);
         let tame = derive == Derive::Tame;
-        let held = helds.get(k).copied().flatten();
-        let view = View { now, last, before, weights: step.weights, tame, held };
         self.wrenches.clear();
         self.wrenches.resize(bodies.len(), Wrench::default());
-        if derive == Derive::Nothing {
-            force.wrenches(&view, &mut self.wrenches);
-        } else {
-            self.derivatives.clear();
-            self.derivatives.resize(bodies.len() * bodies.len(), Derivative::default());
-            force.derivatives(&view, &mut self.wrenches, &mut self.derivatives);
-            for ((derivative, slot), pair) in self.derivatives.iter().zip(&self.slots[k]).zip(0..) {
-                let by = bodies[pair % bodies.len()];
-                let turns = matches!(step.bodies[by], Body::Rigid(_));
-                let block = derivative.chained(&self.trials[by], step.weights.gain(), turns);
-                self.matrix.add(slot, &-block);
+        self.derivatives.clear();
+        if derive != Derive::Nothing {
+            self.derivatives.resize(slots.len(), Derivative::default());
+        }
+        for k in forces.clone().filter(|&k| !self.asleep[k]) {
+            let held = helds.get(k).copied().flatten();
+            let view = View { now, last, before, weights: step.weights, tame, held };
+            let force = step.forces[k].as_ref();
+            match derive {
+                Derive::Nothing => force.wrenches(&view, &mut self.wrenches),
+                _ => force.derivatives(&view, &mut self.wrenches, &mut self.derivatives),
             }
+        }
+        for ((derivative, slot), pair) in self.derivatives.iter().zip(&*slots).zip(0..) {
+            let by = bodies[pair % bodies.len()];
+            let turns = matches!(step.bodies[by], Body::Rigid(_));
+            let block = derivative.chained(&self.trials[by], step.weights.gain(), turns);
+            self.matrix.add(slot, &-block);
         }
         for (&body, wrench) in bodies.iter().zip(&self.wrenches) {
             let rows = &mut self.residual[self.firsts[body]..self.firsts[body + 1]];

@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation::skew;
 
 /// Number of terms in a series.
-const TERMS: u32 = 9;
+const TERMS: usize = 9;
 
 /// Increment φ, rad, with coefficients of the exponential map.
 #[derive(Clone, Copy, Debug)]
@@ -20,27 +20,48 @@ pub struct Increment {
     slopes: [f64; 2],
 }
 
-/// Value Σ (−s)^k / (2k + first)! and its derivative with respect to s.
-fn series(s: f64, first: u32) -> (f64, f64) {
-    // Horner's scheme from the last term.
-    let (mut value, mut slope) = (0.0, 0.0);
-    for k in (0..TERMS).rev() {
-        // The quotient of the term k + 1 to the term k is −s / ((2k + first + 1)(2k + first + 2)).
-        let next = f64::from((2 * k + first + 1) * (2 * k + first + 2));
-        slope = -(value + s * slope) / next;
-        value = 1.0 - s * value / next;
-    }
-    let factorial: f64 = (1..=first).map(f64::from).product();
-    (value / factorial, slope / factorial)
+/// Series Σ (−s)^k / (2k + first)!, as its first coefficient and the quotients of successive coefficients.
+struct Series {
+    first: f64,
+    quotients: [f64; TERMS],
 }
+
+impl Series {
+    const fn new(first: usize) -> Self {
+        let (mut factorial, mut k) = (1, 1);
+        while k <= first {
+            factorial *= k;
+            k += 1;
+        }
+        let mut quotients = [0.0; TERMS];
+        k = 0;
+        while k < TERMS {
+            quotients[k] = -1.0 / ((2 * k + first + 1) * (2 * k + first + 2)) as f64;
+            k += 1;
+        }
+        Self { first: 1.0 / factorial as f64, quotients }
+    }
+
+    /// Value of the series, and its derivative with respect to `s`.
+    fn at(&self, s: f64) -> (f64, f64) {
+        // Horner's scheme from the last term.
+        let (mut value, mut slope) = (0.0, 0.0);
+        for quotient in self.quotients.iter().rev() {
+            slope = (value + s * slope) * quotient;
+            value = 1.0 + s * value * quotient;
+        }
+        (value * self.first, slope * self.first)
+    }
+}
+
+/// Series of sin t / t, (1 − cos t)/t² and (t − sin t)/t³ in s = t².
+const SERIES: [Series; 3] = [Series::new(1), Series::new(2), Series::new(3)];
 
 impl Increment {
     /// Creates the increment φ in world axes, rad.
     pub fn new(phi: Vector3<f64>) -> Self {
         let s = phi.norm_squared();
-        let (sine, _) = series(s, 1);
-        let (cosine, cosine_slope) = series(s, 2);
-        let (rest, rest_slope) = series(s, 3);
+        let [(sine, _), (cosine, cosine_slope), (rest, rest_slope)] = SERIES.map(|of| of.at(s));
         Self {
             phi,
             cross: skew(&phi),
@@ -61,19 +82,25 @@ impl Increment {
         Matrix3::identity() + self.cross * a + self.cross * self.cross * b
     }
 
-    /// Product J_l(φ) v and its derivative with respect to φ.
-    pub fn left_jacobian_times(&self, v: &Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>) {
+    /// Product J_l(φ) v.
+    pub fn left_jacobian_times(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        let [_, a, b] = self.coefficients;
+        let once = self.phi.cross(v);
+        v + once * a + self.phi.cross(&once) * b
+    }
+
+    /// Derivative of the product J_l(φ) v with respect to φ.
+    pub fn left_jacobian_times_by_phi(&self, v: &Vector3<f64>) -> Matrix3<f64> {
         let ([_, a, b], [da, db]) = (self.coefficients, self.slopes);
-        let once = self.cross * v;
-        let twice = self.cross * once;
+        let once = self.phi.cross(v);
+        let twice = self.phi.cross(&once);
         // [φ]² v = φ (φ·v) − v φ·φ.
         let of_twice = Matrix3::identity() * self.phi.dot(v) + self.phi * v.transpose()
             - v * self.phi.transpose() * 2.0;
-        let derivative = -skew(v) * a
+        -skew(v) * a
             + once * self.phi.transpose() * (2.0 * da)
             + of_twice * b
-            + twice * self.phi.transpose() * (2.0 * db);
-        (v + once * a + twice * b, derivative)
+            + twice * self.phi.transpose() * (2.0 * db)
     }
 }
 
@@ -122,8 +149,9 @@ mod tests {
     fn the_derivative_of_the_left_jacobian_agrees_with_finite_differences() {
         let (v, step) = (Vector3::new(0.3, -0.7, 0.2), 1e-6);
         for phi in vectors() {
-            let (value, derivative) = Increment::new(phi).left_jacobian_times(&v);
+            let value = Increment::new(phi).left_jacobian_times(&v);
             assert!((value - Increment::new(phi).left_jacobian() * v).norm() < 1e-15);
+            let derivative = Increment::new(phi).left_jacobian_times_by_phi(&v);
             for axis in 0..3 {
                 let along = |h: f64| {
                     let mut phi = phi;

@@ -25,19 +25,29 @@ pub enum Tip {
     },
 }
 
-/// Contact point, with its derivatives with respect to the body's pose.
+/// Contact point.
 pub(super) struct ContactPoint {
     pub surface: Surface,
     /// Vector from the centre of mass to the contact point, m.
     pub arm: Vector3<f64>,
+    /// Axis of a rim or blade in world axes; `None` for a sphere.
+    pub axis: Option<Vector3<f64>>,
+    radius_m: f64,
+    /// Vector from the centre of mass to the centre of the tip, m.
+    fixed: Vector3<f64>,
+    at_center: Surface,
+    /// True if the gap is the exact distance, as in [`Ground::is_distance`].
+    is_distance: bool,
+}
+
+/// Derivatives of a contact point with respect to the body's pose.
+pub(super) struct ContactPointByPose {
     pub point_by_position: Matrix3<f64>,
     pub point_by_rotation: Matrix3<f64>,
     pub gap_by_position: RowVector3<f64>,
     pub gap_by_rotation: RowVector3<f64>,
     pub normal_by_position: Matrix3<f64>,
     pub normal_by_rotation: Matrix3<f64>,
-    /// Axis of a rim or blade in world axes; `None` for a sphere.
-    pub axis: Option<Vector3<f64>>,
 }
 
 impl ContactPoint {
@@ -50,73 +60,100 @@ impl ContactPoint {
         body: &BodyMotion,
     ) -> Self {
         let fixed = body.rotation * center;
-        let center_by_rotation = -skew(&fixed);
         let at_center = ground.at(&(body.position + fixed));
-        let normal = at_center.normal;
-        let (lever, by_rotation, by_normal, axis) = match tip {
-            Tip::Sphere => {
-                let none = Matrix3::zeros();
-                (normal * -radius_m, none, Matrix3::identity() * -radius_m, None)
-            }
-            Tip::Rim { axis } | Tip::Blade { axis } => {
-                let axis = body.rotation * axis;
-                let (lever, by_axis, by_normal) = rim(radius_m, &axis, &normal);
-                (lever, by_axis * -skew(&axis), by_normal, Some(axis))
-            }
+        let axis = match tip {
+            Tip::Sphere => None,
+            Tip::Rim { axis } | Tip::Blade { axis } => Some(body.rotation * axis),
+        };
+        let lever = match &axis {
+            None => at_center.normal * -radius_m,
+            Some(axis) => Rim::new(axis, &at_center.normal).lowest(radius_m),
         };
         let arm = fixed + lever;
-        // The centre moves with the body, and so does the normal on which the lever depends.
-        let point_by_position = Matrix3::identity() + by_normal * at_center.curvature;
-        let point_by_rotation = point_by_position * center_by_rotation + by_rotation;
-        if ground.is_distance() {
+        let is_distance = ground.is_distance();
+        let surface = if is_distance {
             // The lever is as deep as the centre is high, because inside a solid the nearest face is unrelated to the edge that
             // was touched.
-            let by_center = lever.transpose() * at_center.curvature;
-            let gap_m = at_center.gap_m + normal.dot(&lever);
-            return Self {
-                surface: Surface { gap_m, ..at_center },
-                arm,
+            Surface { gap_m: at_center.gap_m + at_center.normal.dot(&lever), ..at_center }
+        } else {
+            ground.at(&(body.position + arm))
+        };
+        Self { surface, arm, axis, radius_m, fixed, at_center, is_distance }
+    }
+
+    /// Derivatives with respect to the body's pose.
+    pub fn by_pose(&self) -> ContactPointByPose {
+        let &Self { surface, arm, radius_m, at_center, .. } = self;
+        let (normal, curvature) = (at_center.normal, at_center.curvature);
+        let center_by_rotation = -skew(&self.fixed);
+        let (by_rotation, by_normal) = match &self.axis {
+            None => (Matrix3::zeros(), Matrix3::identity() * -radius_m),
+            Some(axis) => {
+                let [by_axis, by_normal] = Rim::new(axis, &normal).lowest_by(radius_m);
+                (by_axis * -skew(axis), by_normal)
+            }
+        };
+        // The centre moves with the body, and so does the normal on which the lever depends.
+        let point_by_position = Matrix3::identity() + by_normal * curvature;
+        let point_by_rotation = point_by_position * center_by_rotation + by_rotation;
+        if self.is_distance {
+            let by_center = (arm - self.fixed).transpose() * curvature;
+            return ContactPointByPose {
                 point_by_position,
                 point_by_rotation,
                 gap_by_position: normal.transpose() * point_by_position + by_center,
                 gap_by_rotation: normal.transpose() * point_by_rotation
                     + by_center * center_by_rotation,
-                normal_by_position: at_center.curvature,
-                normal_by_rotation: at_center.curvature * center_by_rotation,
-                axis,
+                normal_by_position: curvature,
+                normal_by_rotation: curvature * center_by_rotation,
             };
         }
-        let surface = ground.at(&(body.position + arm));
-        Self {
-            surface,
-            arm,
+        ContactPointByPose {
             point_by_position,
             point_by_rotation,
             gap_by_position: surface.gradient.transpose() * point_by_position,
             gap_by_rotation: surface.gradient.transpose() * point_by_rotation,
             normal_by_position: surface.curvature * point_by_position,
             normal_by_rotation: surface.curvature * point_by_rotation,
-            axis,
         }
     }
 }
 
-/// Vector from the centre of a disc to its lowest point, −r (n − a (a·n)) / √(1 − (a·n)²), with derivatives with respect to
-/// axis and normal.
-fn rim(
-    radius_m: f64,
-    axis: &Vector3<f64>,
-    normal: &Vector3<f64>,
-) -> (Vector3<f64>, Matrix3<f64>, Matrix3<f64>) {
-    let along = axis.dot(normal);
-    let down = normal - axis * along;
-    let sine = (1.0 - along * along).max(LEAST_SINE * LEAST_SINE).sqrt();
-    let (of_down, of_sine) = (-radius_m / sine, -radius_m * along / sine.powi(3));
-    let by_axis = (Matrix3::identity() * along + axis * normal.transpose()) * -of_down
-        + down * normal.transpose() * of_sine;
-    let by_normal = (Matrix3::identity() - axis * axis.transpose()) * of_down
-        + down * axis.transpose() * of_sine;
-    (down * of_down, by_axis, by_normal)
+/// Disc with an axis, above a surface with a normal.
+struct Rim<'a> {
+    axis: &'a Vector3<f64>,
+    normal: &'a Vector3<f64>,
+    /// Component of the normal along the axis.
+    along: f64,
+    /// Component of the normal in the plane of the disc.
+    down: Vector3<f64>,
+    /// Length of `down`.
+    sine: f64,
+}
+
+impl<'a> Rim<'a> {
+    fn new(axis: &'a Vector3<f64>, normal: &'a Vector3<f64>) -> Self {
+        let along = axis.dot(normal);
+        let down = normal - axis * along;
+        let sine = (1.0 - along * along).max(LEAST_SINE * LEAST_SINE).sqrt();
+        Self { axis, normal, along, down, sine }
+    }
+
+    /// Vector from the centre of the disc to its lowest point, −r (n − a (a·n)) / √(1 − (a·n)²).
+    fn lowest(&self, radius_m: f64) -> Vector3<f64> {
+        self.down * (-radius_m / self.sine)
+    }
+
+    /// Derivatives of the lowest point with respect to axis and normal.
+    fn lowest_by(&self, radius_m: f64) -> [Matrix3<f64>; 2] {
+        let &Self { axis, normal, along, down, sine } = self;
+        let (of_down, of_sine) = (-radius_m / sine, -radius_m * along / sine.powi(3));
+        let by_axis = (Matrix3::identity() * along + axis * normal.transpose()) * -of_down
+            + down * normal.transpose() * of_sine;
+        let by_normal = (Matrix3::identity() - axis * axis.transpose()) * of_down
+            + down * axis.transpose() * of_sine;
+        [by_axis, by_normal]
+    }
 }
 
 /// Unit vector along the projection of a blade's axis onto the plane perpendicular to a normal, with derivatives with respect
