@@ -816,8 +816,7 @@ NULLABLE_ITEMS = {"position_m", "velocity_m_s"}
 
 
 def refuse_strange_numbers(value, path="", key="", in_targets=False):
-    """Python reads NaN and Infinity, and 1e999 as infinity; other writers put null for them. None of them is a valid
-    value."""
+    """Refuses NaN, Infinity and numbers such as 1e999, which Python reads as infinity, and null, which other writers put in their place."""
     if isinstance(value, dict):
         for key, item in value.items():
             here = "%s.%s" % (path, key) if path else key

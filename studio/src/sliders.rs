@@ -178,8 +178,10 @@ fn label(place: &Location, driven: &[String]) -> String {
         (Kind::Mass, _) => format!("{part} mass (heaviest part)"),
         (Kind::Speed, _) => format!("{part} speed limit{of}"),
         (Kind::Torque, _) => format!("{part} torque limit{of}"),
-        (Kind::Mount, Some(Axis::Y)) => format!("{part} mounts, half the distance across"),
-        (Kind::Mount, _) => format!("{part} mounts, half the distance along"),
+        (Kind::Mount, Some(Axis::Y)) => {
+            format!("{part} mounts: half the distance from left to right")
+        }
+        (Kind::Mount, _) => format!("{part} mounts: half the distance from front to rear"),
         (kind, _) => format!("{part} {}", kind.key()),
     }
 }

@@ -219,7 +219,7 @@ def way(one, other):
 
 
 def since(steps, before):
-    """Steps after one of them."""
+    """Steps after the step `before`."""
     return [step for step in steps if step.time_s > before.time_s]
 
 

@@ -28,9 +28,9 @@ use thiserror::Error;
 pub struct Command {
     /// Time of the command, s.
     pub at_s: f64,
-    /// Steering from then on.
+    /// Steering from this time on.
     pub steering: Steering,
-    /// Gait from then on; `None` to keep the present one.
+    /// Gait from this time on; `None` to keep the present gait.
     pub gait: Option<Gait>,
 }
 

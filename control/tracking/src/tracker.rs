@@ -157,7 +157,7 @@ pub struct Tracker {
     latency_s: f64,
     /// Predicted state at the time at which set-points act.
     ahead: State,
-    /// Generalised acceleration until then, predicted by the previous tick.
+    /// Generalised acceleration between measurement and that time, predicted by the previous tick.
     expected: DVector<f64>,
 }
 

@@ -28,7 +28,7 @@ pub enum LibraryError {
     NotOnFrame {
         /// Name of the motion or transition.
         motion: String,
-        /// Field with the time.
+        /// Name of the field that contains the time.
         field: &'static str,
         /// Time, s.
         time_s: f64,

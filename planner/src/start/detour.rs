@@ -46,7 +46,7 @@ impl Offsets {
     }
 }
 
-/// Extent of something along and across a path, m.
+/// Extent of the robot or an obstacle along and across a path, m.
 #[derive(Clone, Copy, Debug)]
 struct Extent {
     along_m: [f64; 2],

@@ -122,8 +122,8 @@ fn on_event(
 }
 
 /// Answers of the servos of a serial line to each packet in the received bytes. The servos answer in turn, but without their
-/// return delays, which are shorter than the latency of this computer. A servo that is not here is silent, and so are those after
-/// it, as on [`SerialLine`](crate::line::SerialLine).
+/// return delays, which are shorter than the latency of this computer. A servo that this process does not simulate is silent, and
+/// so are the servos after it, as on [`SerialLine`](crate::line::SerialLine).
 fn answers(body: &mut Body, bus: usize, now: SimTime, line: &mut Vec<u8>) -> Vec<Vec<u8>> {
     let channels = body.addresses().iter().enumerate();
     let channels = channels.filter(|(_, address)| usize::from(address.0) == bus);

@@ -25,7 +25,7 @@ pub struct Memory {
     max_text_both: u64,
 }
 
-/// NUCLEO-G474RE. The text limit is that of the emulated board, which has only the core, plus half of it for drivers, the
+/// NUCLEO-G474RE. The text limit is the limit of the emulated board, whose image has only the core, plus 50 % for drivers, the
 /// parameter store and clocks.
 pub const NUCLEO: Memory = Memory {
     name: "nucleo-g474re",

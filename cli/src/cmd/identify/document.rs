@@ -48,7 +48,8 @@ struct Run<'a> {
     fitted: Vec<Fit>,
     /// Root mean squares over the predicted part of the run.
     predicted: Vec<Fit>,
-    /// Errors after the first quarter, with the values of this run and with those of all runs; empty for a single run.
+    /// Errors after the first quarter, simulated with the values fitted to this run and with the values fitted to all runs; empty
+    /// for a single run.
     compared: Vec<SignalErrors>,
     begin_s: f64,
     predicted_from_s: f64,

@@ -36,7 +36,7 @@ fn wheels(links: [&str; 2], z_m: f64, y_m: f64) -> String {
     wheel("left", links[0], y_m, 1) + &wheel("right", links[1], -y_m, 2)
 }
 
-/// Body above its axle, with its centre of mass beside the axle by an offset.
+/// Body above its axle, with its centre of mass `ahead_m` in front of the axle.
 fn pendulum(ahead_m: f64) -> String {
     format!(
         "name = \"pendulum\"\n{SERVO}\n[[link]]\nname = \"body\"\nmass_kg = 4.0\ncom_in_link_m = [{ahead_m}, 0.0, 0.3]\n\
