@@ -13,7 +13,7 @@ use std::time::Instant;
 /// Time without contact after which the program ends, µs.
 const SILENT_US: u64 = 5_000_000;
 
-/// Fraction of lost samples above which the verdict blames the link.
+/// Fraction of lost samples above which the verdict names the link as the cause.
 const MISSED: f64 = 0.01;
 
 /// Plays the sequence of a conductor on a bus, and prints the results.

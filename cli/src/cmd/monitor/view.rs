@@ -191,8 +191,7 @@ impl<'a> View<'a> {
             CommandResult::OutOfOrder => self.print_event(
                 at_us,
                 &format!(
-                    "command: {what}: the number was already used, so the host sends the next \
-                    number"
+                    "command: {what}: the sequence number was already used, so the host sends the next one"
                 ),
             ),
             CommandResult::Ok => self.print_event(at_us, &format!("command: {what}")),
