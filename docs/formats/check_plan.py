@@ -753,8 +753,7 @@ def check_slip(table, line, i, foot, e, e2):
 
 
 def check_wheel_speed(table, line, i, j, e, e2):
-    """The wheel turns against its link by omega + yaw' (v.a) - Omega.a. A motor drives this speed; a welded or held
-    wheel has none."""
+    """Checks the speed of a wheel relative to its link, omega + yaw' (v.a) - Omega.a: the motor speed, or 0 for a welded or held wheel."""
     foot = line.feet[j]
     name, radius, contact, held = foot["name"], foot["radius_m"], foot["contact"], line.motion["held_wheels"][j]
     _, axis = mean_wheel_frame(foot, e, e2)

@@ -19,7 +19,7 @@ use serde_json::json;
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 
-/// Names of the messages that are written as decoded.
+/// Names of the messages that are written in decoded form.
 const DECODED: [&str; 4] = ["status", "fault", "command", "command_ack"];
 
 /// Telemetry file that is being written.

@@ -28,7 +28,7 @@ const ACCURACY: f64 = 1e-6;
 const TURNS: usize = 3;
 /// Maximum number of halvings of a Newton step on one kink.
 const HALVINGS: usize = 6;
-/// Maximum number of steps to the root of a law in one direction.
+/// Maximum number of bisection steps to the root of a force law along one direction.
 const BISECTIONS: usize = 40;
 /// Smallest fraction of a Newton step on all kinks.
 const SHORTEST: f64 = 0.02;

@@ -62,7 +62,8 @@ pub enum Benchmark {
     /// Figures 3.7 and 3.8: ANYmal ducks and turns in closed loop, compared with the plan.
     #[command(name = "figure-3-8")]
     Figure38,
-    /// Closed loop against servos: as planned, with other masses, friction, delays and slopes, and with pushes.
+    /// Closed-loop tracking compared with servos alone: in the planned world, with other masses, friction, delays and slopes, and
+    /// with pushes.
     Tracking(tracking::Args),
     /// Sensor faults in closed loop: robots that continue, come to rest on their feet, or fall.
     #[command(name = "sensor-faults")]

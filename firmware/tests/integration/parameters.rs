@@ -96,7 +96,7 @@ fn what_is_out_of_range_is_answered_with_the_limit_and_changes_nothing() {
     assert!(sent_stiffness(&rig, 0).iter().all(|&kp| kp == 20.0));
 }
 
-/// Writing flash stops the control loop, which must still watch the cause of a stop afterwards.
+/// SAVE is refused unless the robot is disarmed: writing flash stops the control loop, which must watch the cause of a stop.
 #[test]
 fn nothing_is_saved_but_while_disarmed() {
     let wrong_state = (ParameterResult::WrongState, 0.0);

@@ -257,8 +257,7 @@ impl RobotText {
         }
         Err(NoEffect {
             problem: format!(
-                "link `{}` has no length, because no joint, foot or wheel lies away \
-                from its own joint",
+                "link `{}` has no length, because every joint, foot and wheel on it is at its own joint",
                 place.name
             ),
             help: "name a link with a joint, a foot or a wheel at a distance from its own joint"

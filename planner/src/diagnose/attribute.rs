@@ -19,7 +19,8 @@ use std::ops::Range;
 
 /// Maximum number of requests in a diagnosis, besides one limit and one property of the robot.
 const REQUESTS: usize = 2;
-/// Smallest violation of a family, relative to that of the largest family, for naming the family without a feasible value.
+/// Violation of a family, as a fraction of the largest violation of any family, above which the diagnosis names the family even
+/// without a feasible value.
 const LEAST_SHARE: f64 = 0.05;
 /// Smallest violation of [`FOOTFALLS`] together, relative to the largest family, for one of them to be named. Balance, flight
 /// and free feet all violate them.

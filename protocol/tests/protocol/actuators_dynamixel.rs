@@ -483,7 +483,7 @@ proptest! {
         }
     }
 
-    /// A single wrong bit at any position hides the packet.
+    /// The receiver drops a packet with a single wrong bit at any position.
     #[test]
     fn a_wrong_bit_is_noticed(id in 0u8..=252, parameters in proptest::collection::vec(any::<u8>(), 0..30), at: prop::sample::Index) {
         let mut whole = packet(id, STATUS, &parameters).unwrap();

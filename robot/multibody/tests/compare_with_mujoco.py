@@ -85,7 +85,7 @@ def cross_matrix(v):
 
 
 def rim_point(axis, normal, radius):
-    """Lowest point of a circle as angle in a basis of its plane, with the terms of its rate."""
+    """Angle of the lowest point of a circle in a basis of the circle's plane, and the terms of the angle's rate."""
     first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     first /= np.linalg.norm(first)
     second = np.cross(axis, first)

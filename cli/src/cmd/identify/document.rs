@@ -65,7 +65,7 @@ struct PredictedRun<'a> {
     predicted: Vec<Fit>,
 }
 
-/// Root mean squares of a signal with the original values and with the fitted ones; null where the simulated robot falls.
+/// Root mean square errors of a signal with the original values and with the fitted values; null where the simulated robot falls.
 #[derive(Serialize)]
 pub struct Fit {
     pub signal: &'static str,

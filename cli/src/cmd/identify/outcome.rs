@@ -21,8 +21,8 @@ pub struct IdentificationOutcome {
 pub struct Fit {
     pub run: String,
     pub found: FitResult,
-    /// Comparison after the first quarter of this run: simulations with the original values, with those of this run, and with
-    /// those of all runs. `None` for a single run; an inner `None` if the robot falls.
+    /// Comparison after the first quarter of this run: simulations with the original values, with the values fitted to this run,
+    /// and with the values fitted to all runs. `None` for a single run; an inner `None` if the robot falls.
     pub compared: Option<[Option<Quality>; 3]>,
 }
 

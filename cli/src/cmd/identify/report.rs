@@ -176,7 +176,7 @@ fn correlations(fit: &Fit) -> impl Iterator<Item = String> {
     })
 }
 
-/// Root mean squares before and after, over the fitted and over the predicted part of a run.
+/// Root mean square errors before and after the fit, over the fitted and over the predicted part of a run.
 fn residuals(fit: &Fit) -> String {
     let titles =
         ["root mean square", "fitted before", "after", "predicted before", "after", "unit"];
@@ -196,7 +196,8 @@ fn residuals(fit: &Fit) -> String {
     table.render()
 }
 
-/// Table of one of several runs: root mean squares with the original values, with those of the run, and with those of all runs.
+/// Table of one of several runs: root mean square errors with the original values, with the values fitted to the run, and with
+/// the values fitted to all runs.
 fn comparison(fit: &Fit) -> Option<String> {
     let title = format!("{} after its first quarter", fit.run);
     let mut table = Table::new([&title, "before", "alone", "together", "unit"]);

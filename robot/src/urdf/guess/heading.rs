@@ -37,7 +37,7 @@ pub(in super::super) struct Axes {
 #[derive(Clone, Copy, Debug)]
 pub(in super::super) struct Heading {
     pub axes: Axes,
-    /// Sources of the deduction; `None` if nothing contradicts the default.
+    /// Evidence for other axes than the default; `None` without evidence.
     pub because: Option<&'static str>,
     /// True if knees or wheels turn about the axis that points forward by the names.
     pub contradicts: bool,

@@ -187,7 +187,7 @@ fn pad(link: usize, pose: &Isometry3<f64>, shape: &Shape, along: &Vector3<f64>) 
     Pad { link, center_m: center_m + shift_m, radius_m, is_sphere }
 }
 
-/// Sphere in the middle of the pads at the end of the limb, spheres first.
+/// Contact sphere of a limb, in the middle of the pads at its end. Pads that are spheres have priority.
 fn lowest(pads: &[Pad], tail: &Tail) -> Option<Pad> {
     let end_m = pads.iter().map(|pad| pad.reach_m(&tail.along)).reduce(f64::max)?;
     let near = |pad: &&Pad| pad.reach_m(&tail.along) > end_m - TOGETHER * tail.length_m;

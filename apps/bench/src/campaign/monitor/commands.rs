@@ -37,8 +37,8 @@ struct ReceivedCommand {
 enum PlayProgress {
     /// The motion may start.
     Pending,
-    /// Another command has superseded the goal after `starts` motion starts. The motion may still start once, because a running
-    /// transition completes first.
+    /// Another command has superseded the goal, after the robot had started `starts` motions. The motion may still start once,
+    /// because a running transition completes first.
     Superseded { starts: usize },
     /// The motion has started, or torque went off.
     Over,
