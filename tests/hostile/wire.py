@@ -138,7 +138,7 @@ def of_message(node, message):
 
 
 def received(line):
-    """(identifier, data) of a line without its zero; None if it is no frame."""
+    """Returns (identifier, data) of a received packet without its final zero; None if the packet is no frame."""
     body = unstuffed(line)
     if body is None or len(body) < 8 or struct.unpack("<I", body[-4:])[0] != crc32c(body[:-4]):
         return None

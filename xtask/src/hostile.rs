@@ -11,8 +11,8 @@ use std::process::Command;
 /// Library file of the attacked robot, AgileBot.
 const LIBRARY_FILE: &str = "shipped/motions/agilebot_library.toml";
 
-/// Tests the rules. The full check also attacks a simulated robot with 100,000 frames and 200 libraries, one with a link key
-/// with 20,000 frames, and controllers with a key 120,000 times. It also kills commands while they write.
+/// Tests the rules. The full check also attacks a simulated robot with 100,000 frames and 200 libraries, a simulated robot with a
+/// link key with 20,000 frames, and controllers with a link key 120,000 times. It also kills commands while they write files.
 ///
 /// # Errors
 /// Returns an error if a rule is broken, or if a file is half written. If a program is missing, the error contains the command

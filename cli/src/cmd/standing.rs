@@ -220,7 +220,7 @@ impl StandingReport {
             let so = if near.distance_m < 0.0 {
                 "plans do not keep them apart"
             } else {
-                "plans may approach to this distance"
+                "plans may bring them this close"
             };
             warnings.push(format!(
                 "links `{first}` and `{second}` {apart} in the nominal pose, so {so}; expected at least {margin_mm:.1} mm: check `shapes`, `nominal_rad` or `clearance_margin_m`"

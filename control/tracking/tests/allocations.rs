@@ -71,7 +71,7 @@ fn an_estimate_allocates_nothing() {
     assert_eq!(memory.count_total, 0, "{memory:?}");
 }
 
-/// Tests that the centre of mass moves as the feedback of its task promises, and that the robot returns to its stand.
+/// Tests that the centre of mass moves by the feedback law of its task, and that the robot returns to its stand.
 #[test]
 fn stand_recovers_from_a_push() {
     let stand = stand::stand().unwrap();

@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 const SHARES: i32 = 45;
 const SHARE: f64 = 0.9;
 
-/// Places of a linkage in the robot file.
+/// Links and frames of a linkage in the robot file.
 pub(super) struct Placed {
     /// Link of the motor.
     pub link: usize,

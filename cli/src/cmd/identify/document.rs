@@ -44,9 +44,9 @@ struct Run<'a> {
     run: &'a str,
     parameters: Vec<Parameter>,
     correlated: Vec<(&'a str, &'a str, f64)>,
-    /// Root mean squares over the fitted part of the run.
+    /// Root mean square errors over the fitted part of the run.
     fitted: Vec<Fit>,
-    /// Root mean squares over the predicted part of the run.
+    /// Root mean square errors over the predicted part of the run.
     predicted: Vec<Fit>,
     /// Errors after the first quarter, simulated with the values fitted to this run and with the values fitted to all runs; empty
     /// for a single run.
@@ -155,7 +155,7 @@ pub fn compared(of: &[Option<Quality>; 3]) -> Vec<SignalErrors> {
     rows(of).map(compared).collect()
 }
 
-/// Root mean squares of a signal, one for each simulation of the run.
+/// Root mean square errors of a signal, one for each simulation of the run.
 struct Row<const N: usize> {
     signal: &'static str,
     unit: &'static str,

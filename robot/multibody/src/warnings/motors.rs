@@ -6,8 +6,8 @@ use rollwalk_robot::{Actuator, Channel, Robot};
 
 /// Maximum plausible ratio of a joint's rotor inertia to the largest inertia that the joint, or a joint before it, carries.
 const ARMATURE_OF_LIMB: f64 = 5.0;
-/// Maximum plausible ratio of a joint's rotor inertia to the robot's mass times its squared size. Joints with a very light load
-/// exceed the first ratio alone.
+/// Maximum plausible ratio of a joint's rotor inertia to the robot's mass times its squared size. A joint with a very light load
+/// may exceed [`ARMATURE_OF_LIMB`] without an error, so a warning needs both.
 const ARMATURE_OF_ROBOT: f64 = 0.02;
 /// Maximum plausible deflection of a joint of the standing robot, rad. Real robots reach 0.09.
 const YIELDS_MAX_RAD: f64 = 0.15;
