@@ -289,7 +289,7 @@ fn results_go_to_standard_output_by_themselves() {
 fn files_that_people_write_are_no_results_and_no_libraries() {
     let desk = desk_with_shipped_files();
     desk.write("notes.toml", "mine");
-    let taken = ["notes.toml: it exists, and its extension is not that of a result"];
+    let taken = ["notes.toml: it exists, and this command writes files with another extension"];
     desk.run(&["plan", "motions/stand.toml", "-o", "notes.toml"]).fails(1, &taken);
     assert_eq!(desk.read_text("notes.toml"), "mine");
     let library = "motions/agilebot_library.toml";

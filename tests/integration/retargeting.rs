@@ -54,7 +54,10 @@ fn a_library_is_retargeted_and_built_of_its_plans() {
     }
     assert_eq!(desk.read_text("soft/robot.toml"), desk.read_text("soft.toml"));
     let again = desk.run(&[&args[..], &quick].concat());
-    again.fails(1, &["soft/robot.toml", "it exists, and its extension is not that of a result"]);
+    again.fails(
+        1,
+        &["soft/robot.toml", "it exists, and this command writes files with another extension"],
+    );
 
     desk.run(&["library", "build", "soft/library.toml", "-o", "pup.rwl"]).succeeds();
     let play = ["simulate", "pup.rwl", "--robot", "soft.toml", "--cycles", "2"];

@@ -251,7 +251,7 @@ fn a_robot_that_nobody_holds_and_another_robot_are_noticed() {
     assert!(!told.contains("no host"), "{told}");
     let other = Hello { config_hash: 8, ..hello() };
     let text = diagnose(&traffic_in(State::Disarmed, FaultBits::default(), 2), Some(&other));
-    assert!(text.contains("this is another robot"), "{text}");
+    assert!(text.contains("the robot file does not fit"), "{text}");
 }
 
 fn joint(channel: u8, bits: u8) -> Frame {
@@ -349,7 +349,7 @@ fn a_robot_is_not_to_be_armed_while_anything_prevents_it() {
         ),
         (Observations { key: LinkKeyCheck::Wrong, ..good() }, "another link key"),
         (Observations { key: LinkKeyCheck::GivenInVain, ..good() }, "leave out --link-key"),
-        (Observations { expected_config: Some(8), ..good() }, "this is another robot"),
+        (Observations { expected_config: Some(8), ..good() }, "the robot file does not fit"),
         (Observations { complaint: Some("the bus is passive"), ..good() }, "the bus is passive"),
     ] {
         let text = text(&findings);

@@ -513,7 +513,7 @@ fn a_host_without_a_person_leaves_a_robot_with_torque_alone_that_it_does_not_hea
         desk.pass(600_000);
         let messages: Vec<_> =
             desk.operator.log.messages().iter().map(|message| &*message.text).collect();
-        let left = messages.iter().any(|text| text.starts_with("heartbeats are withheld"));
+        let left = messages.iter().any(|text| text.starts_with("this host sends no heartbeats"));
         assert_eq!(left, is_left, "{messages:?}");
         assert_eq!(desk.last_words(), "no contact: no frame arrived for 0.5 s");
         desk.sent.clear();

@@ -309,7 +309,7 @@ fn the_diagnosis_is_in_the_plan_and_survives_it() {
         assert!(!error.contains('\u{1b}'), "{error:?}");
     }
     let text = plan.solve.diagnosis.unwrap().to_string();
-    for expected in ["contradict", "displacement goal", "left_m is 0.3", "would help"] {
+    for expected in ["contradict", "displacement goal", "left_m is 0.3", "possible remedies"] {
         assert!(text.contains(expected), "{expected}: {text}");
     }
 }

@@ -81,9 +81,9 @@ fn trees_that_are_none() {
     urdf(
         "<link name=\"base_link\"/>",
         "<link name=\"base_link\"/><link name=\"head\"/>",
-        &["`head`", "twice"],
+        &["two links `head`"],
     );
-    urdf("<joint name=\"left_knee\"", "<joint name=\"left_hip\"", &["joint `left_hip`", "twice"]);
+    urdf("<joint name=\"left_knee\"", "<joint name=\"left_hip\"", &["two joints `left_hip`"]);
     urdf(
         "<parent link=\"left_thigh\"/>",
         "<parent link=\"left_thing\"/>",
