@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 const KEY: &str = "timing";
 /// Key of the bounds in motion files.
 const BOUNDS: &str = "timing_bounds";
-/// Bounds of a file without any. Beyond them, cheaper plans slipped more when played.
+/// Default bounds. Beyond these bounds, plans with lower costs slipped more when played.
 const USUAL_BOUNDS: [f64; 2] = [0.7, 1.4];
 /// Smallest lower and largest upper bound.
 const WIDEST_BOUNDS: [f64; 2] = [0.25, 4.0];

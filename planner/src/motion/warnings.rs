@@ -9,7 +9,7 @@ use rollwalk_multibody::ground::file::Shape;
 use rollwalk_multibody::ground::obstacle::parts;
 use rollwalk_robot::Robot;
 
-/// Height of a kerb over the radius of a wheel, at which played wheels fall behind without feedback.
+/// Ratio of a kerb's height to a wheel's radius from which on played wheels fall behind without feedback.
 const ROLLED: f64 = 0.4;
 
 impl Motion {

@@ -20,7 +20,7 @@ use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
-/// Returns the options of each start that [`optimise`](crate::optimise) tries, in order. A start other than automatic is the
+/// Returns the options of each start that [`optimise`](crate::optimise) tries, in order. If the start is not automatic, it is the
 /// only candidate.
 pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Options> {
     let starts = start::in_order(robot, motion, options.start, options.seed);
