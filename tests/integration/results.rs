@@ -263,7 +263,8 @@ fn a_glide_that_goes_too_far_on_a_coarse_grid_is_planned_on_a_finer_one() {
     assert!(
         finer.stdout.contains(", 56 samples") && finer.stdout.contains("passes the simulation")
     );
-    let told = ["with 28 samples does not hold", "give samples = 56 in the motion file"];
+    let told =
+        ["with 28 samples the motion fails in simulation", "give samples = 56 in the motion file"];
     assert!(told.iter().all(|told| finer.stderr.contains(told)), "{}", finer.stderr);
     desk.run(&["simulate", "plan.json", "--cycles", "8"]).succeeds();
 }

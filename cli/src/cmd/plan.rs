@@ -300,7 +300,7 @@ fn refined(
             return None;
         }
         output::print_line(format_args!(
-            "with {} samples {}; planning again with twice as many samples",
+            "with {} samples the motion {}; planning again with twice as many samples",
             finer.samples.len(),
             verdict
         ));

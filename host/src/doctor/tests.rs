@@ -278,7 +278,7 @@ fn one_silent_servo_of_a_line_is_named() {
     };
     let never = of(&traffic_in(State::Disarmed, FaultBits::default(), 1));
     let expected = "Wrong: no position from thigh (bus 0, ID 2), and therefore none from the servos \
-                    after it: the robot cannot be armed";
+                    behind it on the line: the robot cannot be armed";
     assert!(never.contains(expected), "{never}");
     assert!(!never.contains("knee") && !never.contains("ankle"), "{never}");
     let mut stopped = traffic_in(State::Disarmed, FaultBits::default(), 4);

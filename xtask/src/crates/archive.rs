@@ -74,7 +74,7 @@ mod tests {
 
         // Content of a symbolic link that git writes where links are not supported.
         fs::write(inside.join("LICENSE-MIT"), "../LICENSE-MIT").unwrap();
-        assert_eq!(found(), ["a: LICENSE-MIT in the package differs from that of the checkout"]);
+        assert_eq!(found(), ["a: LICENSE-MIT differs between package and checkout"]);
         fs::remove_file(inside.join("README.md")).unwrap();
         let found = found();
         assert!(
