@@ -201,9 +201,10 @@ def are_far(one, two, pose, pose2, keeps):
 
 class Clearance:
     """Pairs of shapes and points of links with their minimum distances. The nominal pose counts as valid: shapes that
-    overlap in it are no pair, and other shapes may come as near as in it. The same holds for the ground."""
+    overlap in it are no pair, and other shapes may come as near as in it. The same holds for the ground, and for the
+    pose in which a motion lies."""
 
-    def __init__(self, robot):
+    def __init__(self, robot, lying=None):
         upright = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
         nominal = [joint["nominal_rad"] for joint in robot["joints"]]
         poses = link_poses(robot, [0.0] * 3, upright, nominal)
@@ -223,8 +224,32 @@ class Clearance:
             floor = 0.0 if index in carriers else margin
             for point, radius, keeps in link_points(link, index, floor):
                 height = height_of(point, radius, poses[index]) - ground
-                if height >= 0:
+                if height >= 0 and not lies_on(robot, index, point, radius):
                     self.points.append((index, point, radius, min(keeps, height)))
+        if lying is not None:
+            self.allow(robot, link_poses(robot, [0.0] * 3, upright, lying))
+
+    def allow(self, robot, poses):
+        """Lets shapes come as near as in a further pose, in which the body lies."""
+        ground = min(lowest_contact(foot, poses[0]) for foot in robot["end_effectors"] if is_body_point(foot))
+        for k, (a, b, one, two, keeps) in enumerate(self.pairs):
+            apart = max(shape_distance(one, two, poses[a], poses[b]), 0.0)
+            self.pairs[k] = (a, b, one, two, min(keeps, apart))
+        for k, (index, point, radius, keeps) in enumerate(self.points):
+            height = max(height_of(point, radius, poses[index]) - ground, 0.0)
+            self.points[k] = (index, point, radius, min(keeps, height))
+
+
+def is_body_point(foot):
+    return foot["contact"]["kind"] == "body_point"
+
+
+def lies_on(robot, link, point, radius):
+    """True if a point of a shape is one on which the body lies."""
+    return any(
+        is_body_point(foot) and foot["link"] == link and (foot["center_in_link_m"], foot["radius_m"]) == (point, radius)
+        for foot in robot["end_effectors"]
+    )
 
 
 def lowest_contact(foot, pose):
@@ -685,7 +710,7 @@ def check_contact_place(table, line, i, foot, e):
 def check_clearance(table, line, i, one, another):
     """End effectors of different links keep apart, Eq. 2.10."""
     (foot, e), (other, e2) = one, another
-    if other["link"] != foot["link"]:
+    if other["link"] != foot["link"] and not is_body_point(other):
         apart = norm(sub(e["position_m"], e2["position_m"]))
         missing = max(reach(foot) + reach(other) + line.formulation["clearance_m"] - apart, 0)
         table.see("end-effector clearance", missing, i, foot["name"])
@@ -693,7 +718,8 @@ def check_clearance(table, line, i, one, another):
 
 def check_link_clearance(table, line):
     """Links keep apart, and above the ground."""
-    names, clearance = [link["name"] for link in line.robot["links"]], Clearance(line.robot)
+    names = [link["name"] for link in line.robot["links"]]
+    clearance = Clearance(line.robot, line.motion.get("lying_rad"))
     for i, poses in enumerate(line.poses[1:-1]):
         for a, b, one, two, keeps in clearance.pairs:
             far = are_far(one, two, poses[a], poses[b], keeps)

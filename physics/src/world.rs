@@ -52,6 +52,8 @@ pub struct World {
     contacts: Vec<Range<usize>>,
     /// Force indices of the contacts of link shapes.
     shapes: Range<usize>,
+    /// True if the motion of the robot lies on its body.
+    lies: bool,
     /// Force index of the hold on the root link.
     hold: usize,
     /// Force index of the push on the root link.
@@ -86,6 +88,7 @@ impl World {
             motors,
             contacts,
             shapes,
+            lies: robot.has_body_points(),
             hold,
             push,
         }

@@ -154,7 +154,7 @@ impl Contents {
                         }));
                     }
                     motions.push(plan.motion.clone());
-                    let other = plan.robot.clone();
+                    let other = plan.robot.without_body_points();
                     plans.push(Some(plan));
                     let advice = "plan the motion again with the robot file of the library, or let \
                         `robot` of the library name the robot file of the plan";

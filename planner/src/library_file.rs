@@ -121,6 +121,10 @@ impl LibraryFile {
             for (index, does, flags, leaves) in ends {
                 let Some(motion) = motions.get(index) else { continue };
                 let joined = if leaves { motion.exit_stance() } else { motion.entry_stance() };
+                // A transition knows nothing of the points on which a body lies.
+                let feet = flags.map_or(0, Vec::len);
+                let joined = joined.map(|flags| flags[..feet.min(flags.len())].to_vec());
+                let joined = joined.as_ref();
                 if joined != flags {
                     let name = &self.motions[index].name;
                     let message = format!(
@@ -353,6 +357,7 @@ fn planned(document: &Document<'_>, table: &Table<'_>, robot: &Robot) -> Option<
         swing_height_m,
         goal,
         posture_rad,
+        lying_rad: None,
         held_wheels,
         targets,
         heights,

@@ -1,5 +1,6 @@
 //! Motion plan: the self-contained result of the optimiser, as stored in JSON (Eq. 2.1).
 
+mod body_points;
 mod diagnosis;
 mod json;
 mod number;

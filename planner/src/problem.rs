@@ -183,7 +183,7 @@ impl Problem {
             goal: motion.goal,
             targets: placed_targets(motion),
             heights: placed_heights(motion),
-            posture_q: vec![model.standing_q(&motion.posture_rad); samples],
+            posture_q: motion.postures(&model),
             steering: Vec::new(),
             contacts: Vec::new(),
             clearance_points: Vec::new(),

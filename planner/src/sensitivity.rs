@@ -31,7 +31,6 @@ use crate::problem::{Problem, Unknowns};
 use crate::solve::optimum::{Conditions, NoOptimum, Optimum, Residuals};
 use crate::solve::{Multipliers, Progress};
 use crate::start;
-use rollwalk_multibody::euler::Model;
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 use thiserror::Error;
@@ -167,7 +166,7 @@ impl Optimal {
             let (motion, status) = (motion.name.clone(), solve.status);
             return Err(NotOptimal::NotConverged { motion, status });
         }
-        let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
+        let problem = Problem::new(motion.model(robot), motion, options.weights.clone());
         let near = |solution: &Solution, polish| {
             let mut unknowns = start::neighbour(&problem, &solution.plan);
             problem.add_up(&mut unknowns);
@@ -393,7 +392,7 @@ fn neighbour(problem: &Problem, design: &Design<'_>) -> Result<Problem, NotOptim
             wanted: robot.name.clone(),
         }));
     }
-    let mut other = Problem::new(Model::new(robot), motion, problem.weights.clone());
+    let mut other = Problem::new(motion.model(robot), motion, problem.weights.clone());
     other.layout.scale = problem.layout.scale.clone();
     Ok(other)
 }

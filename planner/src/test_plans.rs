@@ -268,6 +268,7 @@ impl BoxMotion {
                 swing_height_m: 0.03,
                 goal: Goal::default(),
                 posture_rad: vec![cruise_leg(0.0); 4],
+                lying_rad: None,
                 held_wheels: vec![false; 4],
                 targets: Vec::new(),
                 heights: Vec::new(),

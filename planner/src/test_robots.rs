@@ -183,6 +183,7 @@ pub fn motion(robot: &Robot, ends: Ends) -> Motion {
         swing_height_m: 0.03,
         goal: Goal { forward_m: Some(0.1), left_m: Some(0.02), turn_rad: Some(0.2) },
         posture_rad: robot.joints.iter().map(|joint| joint.nominal_rad).collect(),
+        lying_rad: None,
         held_wheels: vec![false; count],
         targets: Vec::new(),
         heights: Vec::new(),

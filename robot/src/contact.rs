@@ -13,6 +13,9 @@ use serde::{Deserialize, Serialize};
 pub enum Contact {
     /// Small sphere that does not slip.
     PointFoot,
+    /// Point of a shape of the body, on which the robot lies. [`Robot::with_body_points`](crate::Robot::with_body_points) adds
+    /// these; robot files have none.
+    BodyPoint,
     /// Wheel that is fixed to its link. It rolls only when the link turns (LegBot).
     WeldedWheel {
         /// Unit wheel axis in the link frame (â).
@@ -79,6 +82,7 @@ impl Contact {
         };
         match self {
             Contact::PointFoot => foot,
+            Contact::BodyPoint => Capabilities { kind: "body_point", ..foot },
             Contact::WeldedWheel { axis_in_link } => {
                 Capabilities { kind: "welded_wheel", axis_in_link: Some(axis_in_link), ..foot }
             }
@@ -112,6 +116,11 @@ impl Contact {
     /// Unit axis of a wheel, or unit vector across a blade, in the link frame (â); `None` for a foot.
     pub fn axis_in_link(&self) -> Option<&Vector3<f64>> {
         self.capabilities().axis_in_link
+    }
+
+    /// Returns true for a point of the body, on which the robot lies.
+    pub fn is_body_point(&self) -> bool {
+        matches!(self, Self::BodyPoint)
     }
 
     /// Returns true if the contact point can move along the ground without slip: wheels and blades, including welded wheels.

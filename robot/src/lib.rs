@@ -20,6 +20,7 @@
 
 mod actuator;
 mod blade;
+mod body_points;
 pub mod catalog;
 mod channel;
 mod clearance;

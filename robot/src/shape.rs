@@ -33,6 +33,26 @@ pub enum Shape {
     },
 }
 
+impl Shape {
+    /// Spheres whose convex hull is the shape: centres in the link frame, m, and radii, m. Corners of boxes have radius 0.
+    pub fn points(&self) -> Vec<(Vector3<f64>, f64)> {
+        match *self {
+            Self::Capsule { from_in_link_m, to_in_link_m, radius_m } => {
+                let mut ends = vec![from_in_link_m, to_in_link_m];
+                ends.dedup();
+                ends.into_iter().map(|end| (end, radius_m)).collect()
+            }
+            Self::Box { center_in_link_m, size_m } => (0..8)
+                .map(|corner: usize| {
+                    let sign = |axis: usize| if corner >> axis & 1 == 0 { -0.5 } else { 0.5 };
+                    let arm = Vector3::from_fn(|axis, _| sign(axis) * size_m[axis]);
+                    (center_in_link_m + arm, 0.0)
+                })
+                .collect(),
+        }
+    }
+}
+
 pub(crate) fn default_margin() -> f64 {
     DEFAULT_CLEARANCE_MARGIN_M
 }

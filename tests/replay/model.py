@@ -143,7 +143,10 @@ def _link(robot, index, clear, out):
         geom = f'name="foot:{name}" conaffinity="1" priority="1" friction="{foot["friction_coefficient"]!r}"'
         radius, axis = foot["radius_m"], foot["contact"].get("axis_in_link")
         if axis is None:
-            out.append(f'<geom {geom} type="sphere" size="{radius!r}" pos="{center}"/>')
+            # A point of the body is a small sphere on the same ground.
+            size = max(radius, 1e-3)
+            center = _numbers(np.array(foot["center_in_link_m"]) + [0.0, 0.0, size - radius])
+            out.append(f'<geom {geom} type="sphere" size="{size!r}" pos="{center}"/>')
             continue
         disc = f'{geom} type="ellipsoid" size="{radius!r} {WHEEL_WIDTH * radius!r} {radius!r}" {_turn_y_to(axis)}'
         if not robots.spins(foot):

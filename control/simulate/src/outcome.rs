@@ -34,6 +34,9 @@ pub struct RunOutcome {
     pub planned: PlannedDisplacement,
     /// Displacement of the motion, or of each period.
     pub cycles: Vec<NetDisplacement>,
+    /// Ratio of the final height of the centre of mass to the planned one; `None` for motions that stay on their feet.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub height: Option<f64>,
     /// Time at which the robot fell, s; `None` if it did not fall.
     pub fell_at_s: Option<f64>,
     /// First collision with an obstacle; `None` if there was none.
@@ -84,6 +87,9 @@ impl RunOutcome {
         if let Some(at_s) = self.fell_at_s {
             return Some(MotionFailure::Falls { at_s });
         }
+        if let Some(ratio) = self.height.filter(|ratio| !(BAND[0]..=BAND[1]).contains(ratio)) {
+            return Some(MotionFailure::Height { ratio });
+        }
         let settled = self.settled();
         let last = settled.len().saturating_sub(LAST);
         let (Some(all), Some(late)) = (mean(settled), mean(&settled[last..])) else {
@@ -126,6 +132,11 @@ pub enum MotionFailure {
         /// Simulated time, s.
         at_s: f64,
     },
+    /// Final height that differs from the plan, without a fall.
+    Height {
+        /// Ratio of the height to the planned one.
+        ratio: f64,
+    },
     /// Collision with an obstacle, before any fall.
     Collides(Collision),
     /// Run without a complete period.
@@ -152,6 +163,9 @@ impl fmt::Display for MotionFailure {
             Self::Collides(Collision { at_s, link, obstacle }) => {
                 write!(f, "`{link}` touches obstacle `{obstacle}` after {at_s:.2} s")
             }
+            Self::Height { ratio } => {
+                write!(f, "the robot ends at {ratio:.3} of the planned height")
+            }
             Self::Changes { part } => {
                 write!(
                     f,
@@ -177,6 +191,8 @@ pub(crate) struct Tracker {
     fell_at_s: Option<f64>,
     collision_watch: Option<CollisionWatch>,
     collision: Option<Collision>,
+    /// Planned final height of the centre of mass, m, of a motion that lies on its body.
+    planned_height_m: Option<f64>,
     steps: u64,
     iterations: u64,
     iterations_max: u32,
@@ -192,14 +208,16 @@ impl Tracker {
         ground: &Arc<dyn Ground>,
         plan_from_world: Rotation3<f64>,
     ) -> Self {
+        let plan = script.plan();
         Self {
-            planned: PlannedDisplacement::new(script.plan()),
+            planned: PlannedDisplacement::new(plan),
             odometer: Odometer::new(world, plan_from_world),
             fall_watch: FallWatch::new(world, ground),
             cycles: Vec::new(),
             fell_at_s: None,
-            collision_watch: CollisionWatch::new(&script.plan().robot, ground.as_ref()),
+            collision_watch: CollisionWatch::new(&plan.robot, ground.as_ref()),
             collision: None,
+            planned_height_m: plan.robot.has_body_points().then_some(plan.after.com_m[2]),
             steps: 0,
             iterations: 0,
             iterations_max: 0,
@@ -257,6 +275,9 @@ impl Tracker {
         RunOutcome {
             planned: self.planned,
             cycles: self.cycles,
+            height: self
+                .planned_height_m
+                .map(|planned_m| self.fall_watch.height_m(world) / planned_m),
             fell_at_s: self.fell_at_s,
             collision: self.collision,
             time_s: world.system().time_s(),

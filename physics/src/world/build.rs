@@ -173,8 +173,9 @@ impl<'a> Build<'a> {
     pub fn shapes(&mut self, ground: &Arc<dyn Ground>) -> Range<usize> {
         let before = self.assembly.forces.len();
         for (number, link) in self.robot.links.iter().enumerate() {
-            let points = link.shapes.iter().flat_map(points);
-            for (point, radius_m) in points {
+            let points = link.shapes.iter().flat_map(Shape::points);
+            // Points on which a motion lies are contacts of end effectors.
+            for (point, radius_m) in points.filter(|at| !self.robot.lies_on(number, at)) {
                 self.add_contact(&GroundContact {
                     body: [number],
                     center: point - self.centers[number],
@@ -232,24 +233,6 @@ impl<'a> Build<'a> {
                 per_speed_s_m: drag.rolling_drag_s_m,
             }),
             ground: Arc::clone(ground),
-        }
-    }
-}
-
-/// Spheres at the outermost points of a shape: centres in link axes, m, and radii, m.
-fn points(shape: &Shape) -> Vec<(Vector3<f64>, f64)> {
-    match *shape {
-        Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } => {
-            let mut ends = vec![from_in_link_m, to_in_link_m];
-            ends.dedup();
-            ends.into_iter().map(|end| (end, radius_m)).collect()
-        }
-        Shape::Box { center_in_link_m, size_m } => {
-            let sign =
-                |corner: usize, axis: usize| if corner >> axis & 1 == 0 { -0.5 } else { 0.5 };
-            let corner =
-                |corner| size_m.map_with_location(|axis, _, size| size * sign(corner, axis));
-            (0..8).map(|number| (center_in_link_m + corner(number), 0.0)).collect()
         }
     }
 }

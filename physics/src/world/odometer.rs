@@ -163,7 +163,7 @@ pub struct FallWatch {
     up: Vector3<f64>,
     /// Ground normal in body axes at the start. Robots may start tilted, and then lean in another direction after a turn.
     start_up_in_body: Vector3<f64>,
-    /// Height of the centre of mass above the ground at the start, m.
+    /// Height of the centre of mass above the ground at the start, m; 0 for a motion that lies on its body.
     standing_m: f64,
 }
 
@@ -176,18 +176,23 @@ impl FallWatch {
         Self {
             up,
             start_up_in_body: world.base().1.transpose() * up,
-            standing_m: ground.at(&world.com().0).gap_m,
+            standing_m: if world.lies { 0.0 } else { ground.at(&world.com().0).gap_m },
             ground,
         }
     }
 
+    /// Height of the centre of mass above the ground, m.
+    pub fn height_m(&self, world: &World) -> f64 {
+        self.ground.at(&world.com().0).gap_m
+    }
+
     /// Returns the fall of a robot that has tilted by more than 1 rad, or whose centre of mass is below 0.4 of its starting
-    /// height.
+    /// height. A motion that lies on its body only tilts.
     pub fn check(&self, world: &World) -> Option<Fall> {
         let (_, rotation) = world.base();
         let cosine = (rotation.transpose() * self.up).dot(&self.start_up_in_body);
         let tilt_rad = cosine.clamp(-1.0, 1.0).acos();
-        let height_m = self.ground.at(&world.com().0).gap_m;
+        let height_m = self.height_m(world);
         let is_high = height_m >= FALLEN_HEIGHT * self.standing_m;
         // A robot with NaN in its pose is not on its feet.
         let fallen = tilt_rad > FALLEN_RAD || !is_high || tilt_rad.is_nan();

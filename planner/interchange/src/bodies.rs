@@ -195,7 +195,9 @@ pub fn bodies<'r>(robot: &'r Robot, parts: &[Vec<Solid>], blades: Blades) -> Vec
             bodies[carrier].solids.push(placed);
         }
     }
-    for (end_effector, &carrier) in robot.end_effectors.iter().zip(&carriers) {
+    let contacts = robot.end_effectors.iter().zip(&carriers);
+    // The shapes of the body contain the points on which it lies.
+    for (end_effector, &carrier) in contacts.filter(|(end, _)| !end.contact.is_body_point()) {
         let spins = carrier >= robot.links.len();
         let center = if spins { Vector3::zeros() } else { end_effector.center_in_link_m };
         bodies[carrier].solids.push(contact(end_effector, center));

@@ -34,7 +34,7 @@ pub struct Clip {
 impl Channels<'_> {
     /// Samples a plan and checks it against the limits. Adds motor torques if `torques` is true.
     pub fn clip(&self, name: &str, plan: &Plan, torques: bool) -> Result<Clip, LibraryError> {
-        if plan.robot != *self.robot {
+        if plan.robot.without_body_points() != *self.robot {
             return Err(LibraryError::OtherRobot {
                 motion: name.to_owned(),
                 found: plan.robot.name.clone(),

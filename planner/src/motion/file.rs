@@ -1,8 +1,8 @@
 //! Reader of motion files: from TOML text to a [`Motion`] for a given robot (docs/motion-files.md).
 
 use super::phases::CYCLES;
-use super::{ContactMargins, Ends, Footing, Goal, Motion, Reserve, Timing};
-use super::{choreography_check, choreography_file, footfall, wheels};
+use super::{ContactMargins, Ends, Footing, FreeTimes, Goal, Motion, Reserve, Timing};
+use super::{choreography_check, choreography_file, footfall, lying, wheels};
 use rollwalk_multibody::ground::Terrain;
 use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
 use rollwalk_protocol::names;
@@ -149,8 +149,14 @@ fn motion(document: &Document<'_>, robot: &Robot, terrain: Option<&Terrain>) -> 
     });
     let goal =
         if root.has("goal") { root.table("goal").and_then(goal) } else { Some(Goal::default()) };
-    let posture = if root.has("posture") { root.table("posture") } else { None };
-    let posture_rad = posture_rad(document, posture.as_ref(), robot);
+    let nominal_rad = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
+    let posture_rad = posture_rad(document, &root, "posture", robot, nominal_rad);
+    let lying_ends = lying::ends(&root, robot, ends);
+    let lying = lying_ends.map(|ends| {
+        let ends = ends?;
+        let usual_rad = lying::posture(&root, robot)?;
+        Some((ends, self::posture_rad(document, &root, lying::POSTURE, robot, usual_rad)))
+    });
     let held_wheels = wheels::held(document, &root, robot);
     let reserve = reserve(&root);
     let needs_feedback = needs_feedback(&root);
@@ -179,6 +185,11 @@ fn motion(document: &Document<'_>, robot: &Robot, terrain: Option<&Terrain>) -> 
     let times =
         [("target", !target_tables.is_empty()), ("height", height_tables.iter().any(spans))];
     let timing = Timing::read(&root, &times);
+    if let (Some(Some(_)), Some(FreeTimes::Free)) = (&lying, timing.map(|timing| timing.free)) {
+        let help =
+            "give `timing = \"duration\"`, because all points of the body lift off at one time";
+        root.fault("timing", "is \"free\" for a motion that lies", "other times", help);
+    }
     root.done();
     let (duration_s, stance, swing_height_m) = steps?;
     named_robot?;
@@ -190,6 +201,7 @@ fn motion(document: &Document<'_>, robot: &Robot, terrain: Option<&Terrain>) -> 
         swing_height_m,
         goal: goal?,
         posture_rad,
+        lying_rad: None,
         held_wheels: held_wheels?,
         targets: targets.into_iter().collect::<Option<_>>()?,
         heights: heights.into_iter().collect::<Option<_>>()?,
@@ -208,6 +220,9 @@ fn motion(document: &Document<'_>, robot: &Robot, terrain: Option<&Terrain>) -> 
     }
     check_goal(&root, &motion, robot);
     choreography_check::check(&motion, robot, &target_tables, &height_tables);
+    if let Some((ends, posture_rad)) = lying? {
+        motion.lie(robot, ends, posture_rad);
+    }
     Some(motion)
 }
 
@@ -338,13 +353,19 @@ fn duration(table: &Table<'_>) -> Option<f64> {
     None
 }
 
-/// Reads the posture, rad. Joints that the table omits have their nominal angle.
-fn posture_rad(document: &Document<'_>, table: Option<&Table<'_>>, robot: &Robot) -> Vec<f64> {
-    let mut posture_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
-    for entry in table.map(Table::named_numbers).unwrap_or_default() {
+/// Reads a posture, rad. Joints that the table omits keep their angle.
+fn posture_rad(
+    document: &Document<'_>,
+    root: &Table<'_>,
+    key: &'static str,
+    robot: &Robot,
+    mut posture_rad: Vec<f64>,
+) -> Vec<f64> {
+    let table = if root.has(key) { root.table(key) } else { None };
+    for entry in table.as_ref().map(Table::named_numbers).unwrap_or_default() {
         let names = robot.joints.iter().map(|joint| joint.name.as_str());
         let Some(index) = names.clone().position(|name| name == entry.name) else {
-            let message = format!("posture: the robot has no joint `{}`", entry.name);
+            let message = format!("{key}: the robot has no joint `{}`", entry.name);
             let help = alternatives(entry.name, names);
             document.fault(entry.name_span, message, "no joint of this robot", help);
             continue;
@@ -352,7 +373,7 @@ fn posture_rad(document: &Document<'_>, table: Option<&Table<'_>>, robot: &Robot
         let joint = &robot.joints[index];
         let allowed = joint.position_min_rad..=joint.position_max_rad;
         if !allowed.contains(&entry.number) {
-            let message = format!("posture: `{}` is {} rad", entry.name, entry.number);
+            let message = format!("{key}: `{}` is {} rad", entry.name, entry.number);
             let slip = in_other_unit(entry.number, &allowed, "rad");
             let help =
                 format!("give an angle from {} to {} rad{slip}", allowed.start(), allowed.end());

@@ -8,6 +8,7 @@ mod choreography_file;
 pub(crate) mod file;
 mod footfall;
 mod footing;
+mod lying;
 mod moment;
 mod patterns;
 mod phases;
@@ -47,6 +48,10 @@ pub struct Motion {
     pub goal: Goal,
     /// Joint angles of the posture cost, rad, in joint order. Defaults are the robot's nominal angles.
     pub posture_rad: Vec<f64>,
+    /// Joint angles while the body lies on the ground, rad, in joint order. `None` if it never does. Stance flags and held wheels
+    /// then include the points of [`Motion::robot`] on which the body lies.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lying_rad: Option<Vec<f64>>,
     /// Flags of the end effectors whose actuated wheel the motion holds still, in robot order. A held wheel is a foot that
     /// rolls only as its link turns (LegBot, thesis sec. 3.5.2).
     pub held_wheels: Vec<bool>,

@@ -61,6 +61,10 @@ impl Motion {
     /// then the named gaits. Patterns equal to an earlier one are left out.
     pub fn patterns(&self, robot: &Robot) -> Vec<Pattern> {
         let mut patterns = vec![Pattern { kind: PatternKind::Given, motion: self.clone() }];
+        // The feet of a robot that lies rise with its body.
+        if self.lying_rad.is_some() {
+            return patterns;
+        }
         let rolls = robot.end_effectors.iter().zip(self.still_wheels(robot));
         if rolls.clone().all(|(foot, still)| foot.contact.rolls() && !still) {
             let stance = vec![vec![true; robot.end_effectors.len()]; self.stance.len()];

@@ -82,6 +82,19 @@ impl Plan {
             format!("{angles} angles"),
             format!("{joints} finite angles, one for each joint"),
         )?;
+        if let Some(lying_rad) = &self.motion.lying_rad {
+            let angles = lying_rad.len();
+            at.of("motion.lying_rad").holds(
+                angles == joints && lying_rad.iter().all(|angle| angle.is_finite()),
+                format!("{angles} angles"),
+                format!("{joints} finite angles, one for each joint"),
+            )?;
+            at.of("robot.end_effectors").holds(
+                self.robot.has_body_points(),
+                "without body points",
+                "end effectors of kind body_point, on which the motion lies",
+            )?;
+        }
         let held = &self.motion.held_wheels;
         at.of("motion.held_wheels").holds(
             held.len() == feet,

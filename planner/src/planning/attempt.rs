@@ -10,7 +10,6 @@ use crate::plan::{SolveStart, StartKind, Status};
 use crate::problem::{Problem, Unknowns};
 use crate::solve::{Settings, SolveMode};
 use crate::start::{self, Start, WarmStart};
-use rollwalk_multibody::euler::Model;
 
 pub(super) fn attempt(request: Request<'_>, effort: &mut Effort<'_>) -> Solution {
     attempt_with(DiagnosedOutcome::write, request, effort)
@@ -30,7 +29,7 @@ fn attempt_with(
         }
         chosen = start::without_halving(robot, motion);
     }
-    let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
+    let problem = Problem::new(motion.model(robot), motion, options.weights.clone());
     let (unknowns, started) = match chosen {
         Start::Warm(how) => {
             (warm(&problem, how, effort), SolveStart { kind: StartKind::Warm, seed: 0 })

@@ -11,7 +11,6 @@ use crate::plan::{Plan, SolveStart, StartKind};
 use crate::problem::{Problem, Unknowns};
 use crate::solve::{Multipliers, SolveMode};
 use crate::start;
-use rollwalk_multibody::euler::Model;
 use rollwalk_robot::Robot;
 use std::mem::discriminant;
 use thiserror::Error;
@@ -61,7 +60,7 @@ pub(super) fn from(
 ) -> Result<Solution, ReplanError> {
     let Request { robot, motion, options } = request;
     check(previous, robot, motion)?;
-    let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
+    let problem = Problem::new(motion.model(robot), motion, options.weights.clone());
     let unknowns = start::neighbour(&problem, previous);
     Ok(from_near(&problem, motion, unknowns, multipliers, options, effort))
 }
@@ -72,7 +71,7 @@ pub(super) fn from(
 /// Returns an error if the robots differ in joints or end effectors, if the motions differ in their ends, or if the ends are
 /// prescribed.
 pub(super) fn check(previous: &Plan, robot: &Robot, motion: &Motion) -> Result<(), ReplanError> {
-    if !same_structure(&previous.robot, robot) {
+    if !same_structure(&previous.robot, &motion.robot(robot)) {
         return Err(ReplanError::OtherStructure {
             motion: previous.motion.name.clone(),
             planned: previous.robot.name.clone(),

@@ -93,6 +93,15 @@ pub fn optimise_transition(
     options: &Options,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Plan, TransitionError> {
+    let lies = |plan: &Plan| plan.motion.lying_rad.is_some();
+    if motion.lying_rad.is_none()
+        && (lies(from) || lies(to))
+        && let [Some(from), Some(to)] = [from, to].map(Plan::with_body_points)
+    {
+        let on_feet = from.robot.without_body_points();
+        let motion = motion.lying_between(&from.motion, &to.motion, &on_feet);
+        return optimise_transition(&motion, &from, &to, options, progress);
+    }
     if from.robot != to.robot {
         return Err(TransitionError::DifferentRobots {
             name: motion.name.clone(),
@@ -161,7 +170,7 @@ impl MotionPair<'_> {
     /// Optimises a transition between the two motions.
     fn solve(&self, request: Request<'_>, effort: &mut Effort<'_>) -> Solution {
         let (Self { from, to }, Request { robot, motion, options }) = (*self, request);
-        let model = Model::new(robot);
+        let model = motion.model(robot);
         let spacing_s = motion.duration_s / (motion.stance.len() - 1) as f64;
         let exit = Moment { plan: from, time_s: from.motion.exit_time_s() };
         let start = prescribed_end(&model, &motion.ground, exit, -spacing_s);
@@ -209,7 +218,7 @@ fn prescribed_end(model: &Model, ground: &Footing, moment: Moment, step_s: f64) 
         offset_m: [here.base_position_m[0], here.base_position_m[1]],
         yaw_rad: here.base_yaw_pitch_roll_rad[0],
     };
-    let stance = here.end_effectors.iter().map(|e| e.contact).collect();
+    let stance: Vec<bool> = here.end_effectors.iter().map(|e| e.contact).collect();
     let here = layout.variables_of(&here);
     let mut beyond = here.clone();
     for dof in 0..layout.dofs {
@@ -222,6 +231,10 @@ fn prescribed_end(model: &Model, ground: &Footing, moment: Moment, step_s: f64) 
         guess::follow_kinematics(model, &layout, ground, &mut vars);
         vars
     };
-    let posture_rad = moment.plan.motion.posture_rad.clone();
+    let ends = model.robot().end_effectors.iter().zip(&stance);
+    let lies = ends.into_iter().any(|(end, stands)| end.contact.is_body_point() && *stands);
+    let of = &moment.plan.motion;
+    let lying_rad = of.lying_rad.as_ref().filter(|_| lies);
+    let posture_rad = lying_rad.unwrap_or(&of.posture_rad).clone();
     PrescribedEnd { at: local(&here), beyond: local(&beyond), stance, posture_rad }
 }

@@ -108,6 +108,7 @@ impl Gait {
             swing_height_m: 0.0,
             goal: Goal::default(),
             posture_rad: joint_rad.to_vec(),
+            lying_rad: None,
             held_wheels: vec![false; count],
             targets: Vec::new(),
             heights: Vec::new(),

@@ -32,7 +32,8 @@ pub struct SmallestDistances {
 impl SmallestDistances {
     /// Computes the smallest distances at the times of a timeline.
     pub(super) fn of(timeline: &Timeline) -> Self {
-        let swings = feet(timeline).flat_map(|(j, foot)| {
+        let limbs = feet(timeline).filter(|(_, foot)| !foot.contact.is_body_point());
+        let swings = limbs.flat_map(|(j, foot)| {
             let highest = highest_of_swings(timeline, j);
             highest.into_iter().map(|(distance_m, time_s)| (distance_m, time_s, &foot.name))
         });

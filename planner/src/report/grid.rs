@@ -51,7 +51,7 @@ pub struct Window<'a> {
 impl<'a> Timeline<'a> {
     /// Evaluates the kinematics of a plan.
     pub fn new(plan: &'a Plan) -> Self {
-        let model = Model::new(&plan.robot);
+        let model = plan.motion.model(&plan.robot);
         let all = std::iter::once(&plan.before).chain(&plan.samples).chain([&plan.after]);
         let states = all.map(|sample| State::new(&model, &plan.motion.ground, sample)).collect();
         let principal = plan.robot.links.iter().map(principal).collect();

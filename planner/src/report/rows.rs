@@ -7,7 +7,7 @@ use super::{choreography, clearance, motors};
 use crate::families::{CLEARANCE_M, Family, ROLLING_SIGN_WIDTH_M_S};
 use crate::problem::state::ContactFrame;
 use nalgebra::Vector3;
-use rollwalk_robot::GRAVITY_M_S2;
+use rollwalk_robot::{EndEffector, GRAVITY_M_S2};
 
 /// Residuals of a plan at its samples.
 pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
@@ -197,7 +197,9 @@ fn end_effector_clearance(timeline: &Timeline) -> WorstCase {
     let mut worst = WorstCase::of(Family::EndEffectorClearance, Grid::Samples);
     for w in timeline.samples() {
         for (j, a) in feet(timeline) {
-            for (k, b) in feet(timeline).skip(j + 1).filter(|(_, b)| a.link != b.link) {
+            let others = feet(timeline).skip(j + 1);
+            let apart = |b: &EndEffector| a.link != b.link && !b.contact.is_body_point();
+            for (k, b) in others.filter(|(_, b)| apart(b)) {
                 let apart = (w.here.contact(j) - w.here.contact(k)).norm();
                 let least = a.clearance_radius_m() + b.clearance_radius_m() + CLEARANCE_M;
                 let missing = (least - apart).max(0.0);

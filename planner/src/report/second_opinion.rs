@@ -34,6 +34,20 @@ fn check_plan(plan: &Plan) -> (Option<i32>, Value) {
     (output.status.code(), table)
 }
 
+/// Checks the plan of a robot that stands up from its body.
+#[test]
+fn a_plan_that_lies_passes_both_checks() {
+    let text = include_str!("../../../shipped/robots/anymal_wheels.toml");
+    let robot = Robot::from_toml("anymal_wheels.toml", text).expect("it ships");
+    let text = include_str!("../../../shipped/motions/anymal_stand_up.toml");
+    let motion = Motion::from_toml("stand_up.toml", text, &robot).expect("it ships");
+    let go_on = &mut |_: &_| ControlFlow::Continue(());
+    let plan = optimise(&robot, &motion, &crate::Options::default(), go_on);
+    let (code, table) = check_plan(&plan);
+    assert_eq!(code, Some(0), "{table:#}");
+    assert!(Report::new(&plan).judgement.is_good());
+}
+
 /// Visits every number of a document with its path.
 fn visit_numbers(value: &mut Value, path: &str, visit: &mut dyn FnMut(&str, &mut Value)) {
     match value {

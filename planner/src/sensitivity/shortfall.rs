@@ -27,7 +27,6 @@ use crate::solve::normal::{NormalEquations, row_energy};
 use crate::solve::optimum::NoOptimum;
 use crate::solve::{Multipliers, Progress, level, worst};
 use crate::start;
-use rollwalk_multibody::euler::Model;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
@@ -92,7 +91,7 @@ impl Shortfall {
             let (motion, status) = (motion.name.clone(), solve.status);
             return Err(NotOptimal::NotConverged { motion, status });
         }
-        let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
+        let problem = Problem::new(motion.model(robot), motion, options.weights.clone());
         let mut unknowns = start::neighbour(&problem, plan);
         problem.add_up(&mut unknowns);
         let (shifts, pin) = {

@@ -38,11 +38,11 @@ fn stand_on(ground: &Footing, vars: &mut DVector<f64>) {
     vars[BASE_POSITION + 2] += ground.body().at(&base).height_m;
 }
 
-/// Variables of the robot standing at the origin with its weight shared evenly.
-pub fn standing(problem: &Problem) -> DVector<f64> {
+/// Variables of the robot at the origin in a posture with its weight shared evenly.
+fn standing(problem: &Problem, posture_q: &DVector<f64>) -> DVector<f64> {
     let layout = &problem.layout;
     let mut vars = DVector::zeros(layout.len);
-    vars.rows_mut(0, layout.dofs).copy_from(&problem.posture_q[0]);
+    vars.rows_mut(0, layout.dofs).copy_from(posture_q);
     stand_on(&problem.ground, &mut vars);
     follow_kinematics(&problem.model, layout, &problem.ground, &mut vars);
     for ee in &layout.end_effectors {
@@ -58,7 +58,6 @@ pub fn from_standing(problem: &Problem) -> Unknowns {
 
 /// Unknowns with a standing robot at all samples, moved along a detour. The robot faces along it.
 pub(super) fn along(problem: &Problem, detour: &Detour) -> Unknowns {
-    let stand = standing(problem);
     let placement = problem.goal_placement();
     let way = Vector3::new(placement.offset_m[0], placement.offset_m[1], 0.0);
     let turn = placement.yaw_rad;
@@ -68,8 +67,9 @@ pub(super) fn along(problem: &Problem, detour: &Detour) -> Unknowns {
     let slots = (0..problem.samples)
         .map(|i| {
             let u = i as f64 / intervals;
-            let mut vars = stand.clone();
-            vars[BASE_POSITION + 2] = problem.posture_q[0][BASE_POSITION + 2];
+            let posture_q = &problem.posture_q[i];
+            let mut vars = standing(problem, posture_q);
+            vars[BASE_POSITION + 2] = posture_q[BASE_POSITION + 2];
             for (c, distance) in way.iter().enumerate().take(2) {
                 vars[BASE_POSITION + c] += u * distance;
             }

@@ -6,6 +6,7 @@ mod diagnosis;
 mod examples;
 mod ground;
 mod layers;
+mod lying;
 mod motion_files;
 mod optimise;
 mod receding;

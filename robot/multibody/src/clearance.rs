@@ -223,6 +223,20 @@ impl Clearance {
         made
     }
 
+    /// Counts a further pose as valid. Pairs and points nearer than their margin there must keep that distance, at least 0.
+    pub(crate) fn allow(&mut self, frames: &Frames) {
+        let placed = self.placed(frames);
+        for pair in &mut self.pairs {
+            if let Some(near) = placed.distance(pair, pair.least_m) {
+                pair.least_m = near.distance_m.max(0.0);
+            }
+        }
+        for point in &mut self.points {
+            let height_m = point.center(frames).z - point.radius_m;
+            point.least_m = point.least_m.min(height_m.max(0.0));
+        }
+    }
+
     fn index_of(&mut self, link: usize, shape: Shape) -> usize {
         let known = self.shapes.iter().position(|known| known.link == link && known.shape == shape);
         known.unwrap_or_else(|| {
@@ -270,23 +284,10 @@ fn ground_points(robot: &Robot, link: usize, margin_m: f64) -> Vec<(Vector3<f64>
     if shapes.is_empty() {
         return if link == 0 { vec![] } else { vec![(Vector3::zeros(), 0.0, 0.0)] };
     }
-    let of_shape = |shape: &Shape| -> Vec<(Vector3<f64>, f64, f64)> {
-        match shape {
-            Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } => {
-                let mut ends = vec![*from_in_link_m, *to_in_link_m];
-                ends.dedup();
-                ends.into_iter().map(|end| (end, *radius_m, margin_m)).collect()
-            }
-            Shape::Box { center_in_link_m, size_m } => (0..8)
-                .map(|corner| {
-                    let sign = |axis: usize| if corner >> axis & 1 == 0 { -0.5 } else { 0.5 };
-                    let arm = Vector3::from_fn(|axis, _| sign(axis) * size_m[axis]);
-                    (center_in_link_m + arm, 0.0, margin_m)
-                })
-                .collect(),
-        }
-    };
-    shapes.iter().flat_map(of_shape).collect()
+    let points = shapes.iter().flat_map(Shape::points);
+    // Motions that lie constrain the points on which they lie themselves.
+    let clear = points.filter(|at| !robot.lies_on(link, at));
+    clear.map(|(center, radius_m)| (center, radius_m, margin_m)).collect()
 }
 
 impl PlacedShapes {

@@ -180,6 +180,10 @@ impl RimContact {
     /// Change of ρ for a change of the axis: dρ = −r/|g| (1 − u uᵀ) dg with u = −ρ/r.
     fn d_lever(&self, d_axis: &Vector3<f64>) -> Vector3<f64> {
         let radius = self.lever.norm();
+        // The corner of a body that lies.
+        if radius == 0.0 {
+            return Vector3::zeros();
+        }
         let upward = -self.lever / radius;
         let d_upward = -self.axis * d_axis.dot(&self.normal) - d_axis * self.axis.dot(&self.normal);
         (d_upward - upward * upward.dot(&d_upward)) * (-radius / self.sine)

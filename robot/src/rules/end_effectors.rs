@@ -21,7 +21,9 @@ impl Check<'_> {
         let contact = &end_effector.contact;
         let blade_length_m = contact.blade_length_m();
         let largest_m = if blade_length_m.is_some() { LENGTH_MAX_M } else { 1.0 };
-        self.range("radius_m", end_effector.radius_m, Bound::Above(0.0), largest_m, "m", mm);
+        // Corners of boxes are points.
+        let zero = if contact.is_body_point() { Bound::AtLeast(0.0) } else { Bound::Above(0.0) };
+        self.range("radius_m", end_effector.radius_m, zero, largest_m, "m", mm);
         let friction = end_effector.friction_coefficient;
         self.range("friction_coefficient", friction, Bound::Above(0.0), 2.0, "", "");
         if let Some(axis_in_link) = contact.axis_in_link() {

@@ -14,7 +14,8 @@ impl Check<'_> {
             .map(|(link, pose)| (pose * Point3::from(link.com_in_link_m)).z * link.mass_kg)
             .sum();
         let com_z_m = moment / robot.total_mass_kg();
-        for (index, end) in robot.end_effectors.iter().enumerate() {
+        let feet = robot.end_effectors.iter().enumerate();
+        for (index, end) in feet.filter(|(_, end)| !end.contact.is_body_point()) {
             let above_m = lowest_z_m(end, &poses[end.link]) - com_z_m;
             if above_m <= 0.0 {
                 continue;

@@ -122,6 +122,9 @@ fn describe(plan: &Plan, outcome: &RunOutcome) -> String {
             let _ = writeln!(text, "{name}: {ratio:.3} of the plan on average");
         }
     }
+    if let Some(ratio) = outcome.height {
+        let _ = writeln!(text, "final height: {ratio:.3} of the plan");
+    }
     let &RunOutcome { time_s, totals, iterations, iterations_max, .. } = outcome;
     let Totals { slid_m, force_max_n, work_j, .. } = totals;
     let _ = writeln!(

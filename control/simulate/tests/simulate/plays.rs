@@ -6,7 +6,8 @@ use rollwalk_physics::push::Shove;
 use rollwalk_physics::world::heading_rad;
 use rollwalk_planner::plan::Plan;
 use rollwalk_simulate::{
-    Control, Feedback, Mismatch, Noise, Options, RunOutcome, SensorFault, SensorFaultKind, play,
+    Control, Feedback, Mismatch, MotionFailure, Noise, Options, RunOutcome, SensorFault,
+    SensorFaultKind, Verdict, play,
 };
 use std::sync::Arc;
 
@@ -168,6 +169,26 @@ fn the_plan_of_a_robot_that_stumbles_is_played_in_open_loop() {
     let [.., last] = &outcome.cycles[..] else { panic!("{outcome:?}") };
     let ratio = outcome.planned.ratio(last, 0).unwrap();
     assert!((ratio - 1.0).abs() < 0.05, "{ratio}: {outcome:?}");
+}
+
+/// Plays standing up from the body on half, usual and double stiffness, and tracked. Without torque the robot stays down, which
+/// counts as a failure and not as a fall.
+#[test]
+fn robots_stand_up_from_their_bodies() {
+    for (robot, motion) in [("anymal_wheels", "anymal_stand_up"), ("agilebot", "stand_up")] {
+        let plan = plan(robot, motion);
+        assert_eq!(Verdict::of(&plan, |_| true), Some(Verdict::Holds), "{motion}");
+        let tracked = play(&plan, &Options::new(TRACKING, 500), |_| true).unwrap();
+        assert!(tracked.holds() && tracked.untracked == 0, "{tracked:?}");
+        let height = tracked.height.unwrap();
+        assert!((height - 1.0).abs() < 0.01, "{tracked:?}");
+        let mut limp = plan;
+        for joint in &mut limp.robot.joints {
+            joint.actuator.torque_max_nm *= 1e-3;
+        }
+        let down = play(&limp, &Options::new(Control::FeedForward, 240), |_| true).unwrap();
+        assert!(matches!(down.miss(), Some(MotionFailure::Height { .. })), "{down:?}");
+    }
 }
 
 /// Removes the sensors at several times of a motion. The robot comes to rest on its feet each time.

@@ -25,7 +25,8 @@ impl Term for Collision {
         out.set(1.0, Role::Inequality { band: BAND_M });
         for (j, first) in robot.end_effectors.iter().enumerate() {
             for (k, second) in robot.end_effectors.iter().enumerate().skip(j + 1) {
-                if first.link == second.link {
+                // Shapes keep limbs clear of the body.
+                if first.link == second.link || second.contact.is_body_point() {
                     continue;
                 }
                 let (p, q) = (

@@ -4,6 +4,9 @@
 //! On terrain with edges, h is the envelope in swing. Where the profile is above 0, two inequality rows keep the height between
 //! the profile and the profile plus a band. The profile alone would not let a swing clear an edge half-way between two samples
 //! ([`super::swing_clearance`]). Without the upper bound, plans throw a leg up for balance.
+//!
+//! Points of the body have no profile. An inequality row keeps them above the ground; at the first and last sample off the
+//! ground they touch it, so that they lift off and touch down without speed.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
@@ -33,6 +36,16 @@ impl Term for ContactHeight {
             let ground = &window.states[1].frames[j].ground;
             let above_m = window.states[1].vars[ee.position + 2] - ground.height_m;
             let height = window.problem.height_m[window.at[1]][j];
+            if window.problem.model.robot().end_effectors[j].contact.is_body_point() {
+                let touches = (0..3).any(|k| window.stance(k, j));
+                out.set(
+                    1.0,
+                    if touches { Role::Equality } else { Role::Inequality { band: BAND_M } },
+                );
+                out.d_height(1, ee.position, -1.0, ground);
+                out.row_of(Subject::EndEffector(j), -above_m);
+                continue;
+            }
             // A foot that is on the ground at the first and last sample of its swing lands without speed.
             if !has_edges || window.stance(1, j) || height == 0.0 {
                 out.set(1.0, Role::Equality);

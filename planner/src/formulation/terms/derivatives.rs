@@ -188,6 +188,19 @@ fn every_term_matches_finite_differences_near_obstacles() {
     assert!(seen[Family::ObstacleClearance as usize] > 0);
 }
 
+/// Checks robots that lie on points of their bodies.
+#[test]
+fn every_term_matches_finite_differences_on_bodies() {
+    let mut seen = vec![0; Family::ALL.len()];
+    for robot in test_robots::all() {
+        let lying = robot.with_body_points().expect("bodies have shapes");
+        check_robot(&lying, Ends::AtRest, &ElevationMap::default(), 13, &mut seen);
+    }
+    for family in [Family::ContactHeight, Family::Friction, Family::Slip, Family::ContactPoint] {
+        assert!(seen[family as usize] > 0, "{family} wrote no rows");
+    }
+}
+
 /// Checks that terms measure heights from the ground, not from z = 0.
 #[test]
 fn no_row_changes_where_ground_and_robot_are_higher() {

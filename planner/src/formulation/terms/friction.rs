@@ -34,9 +34,15 @@ impl Term for Friction {
             let f_n = f.dot(&n);
             out.d_upward(1, ee.force, &-n);
             out.d_normal(1, j, &-f);
-            out.row_of(Subject::EndEffector(j), problem.weights.least_normal_force * scale - f_n);
+            let foot = &problem.model.robot().end_effectors[j];
+            // The body may rest on some of its points only.
+            let least = match foot.contact.is_body_point() {
+                true => 0.0,
+                false => problem.weights.least_normal_force,
+            };
+            out.row_of(Subject::EndEffector(j), least * scale - f_n);
 
-            let coefficient = problem.model.robot().end_effectors[j].friction_coefficient;
+            let coefficient = foot.friction_coefficient;
             let mu = coefficient * problem.weights.friction_use;
             let f_t = f - n * f_n;
             let tangential = f_t.x.hypot(f_t.y).hypot(f_t.z).hypot(TIP_N);

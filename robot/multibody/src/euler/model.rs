@@ -69,6 +69,12 @@ impl Model {
         model
     }
 
+    /// Counts a further pose as valid, as the nominal one: shapes may be as near to each other and to the ground as in it.
+    pub fn allowing(mut self, q: &DVector<f64>) -> Self {
+        self.clearance.allow(&self.frames(q));
+        self
+    }
+
     /// Tree of the robot. Wheels turn with their links, and joints have no armature.
     pub fn tree(&self) -> &Tree {
         &self.tree
