@@ -11,7 +11,7 @@ use rollwalk_planner::plan::Plan;
 use serde::Serialize;
 use std::fmt;
 
-/// Factors on the usual contact stiffness, in the order in which they are simulated.
+/// Scale factors of the usual contact stiffness, in the order in which they are simulated.
 const STIFFNESSES: [f64; 3] = [1.0, 0.5, 2.0];
 /// Maximum number of periods of a periodic motion.
 ///
