@@ -43,7 +43,8 @@ const PULLING: f64 = 0.1;
 const COMPARED_WITH: f64 = 0.1;
 /// Relative excess above which a limit counts as a cause.
 const LEAST_EXCESS: f64 = 1e-3;
-/// Factors on a limit of the robot file within which an estimate is accepted. Outside, the motors are not the cause.
+/// Range of the ratio of an estimated limit to the limit in the robot file, within which an estimate is accepted. Outside, the
+/// motors are not the cause.
 const STRONGER: Range<f64> = 1.0..4.0;
 
 /// Rows of one family and one part of the robot that compare with the same value.

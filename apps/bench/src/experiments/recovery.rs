@@ -140,7 +140,7 @@ fn recover(ball: &Throw, noise_m: f64, watch: &dyn Watch) -> Option<[f64; 4]> {
     ])
 }
 
-/// Parameters with factors on modulus and friction.
+/// Parameters with modulus and friction multiplied by given factors.
 fn parameters(shares: [f64; 2], shift: Vector3<f64>, velocity: Vector3<f64>) -> Vec<f64> {
     let mut all = vec![(MU_PA * shares[0]).ln(), (FRICTION * shares[1]).ln()];
     all.extend(shift.iter().chain(&velocity));

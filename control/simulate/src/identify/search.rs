@@ -15,7 +15,8 @@ use rollwalk_physics::sensitivity::gauss_newton::{self, Evaluation, Fit, Penalty
 const CORRELATED: f64 = 0.95;
 /// Expected change of a quantity, as a logarithm.
 const EXPECTED: f64 = 1.0;
-/// Factors on the friction coefficient to try if nothing slips. Sticking contacts have no derivative with respect to friction.
+/// Scale factors of the friction coefficient to try if nothing slips. Sticking contacts have no derivative with respect to
+/// friction.
 const FRICTIONS: [f64; 6] = [0.75, 0.55, 0.4, 0.3, 0.2, 1.5];
 /// Scale factor of the stiffness and creep friction of contacts for additional starting points.
 const FIRMNESS: f64 = 4.0;
