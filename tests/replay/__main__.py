@@ -3,7 +3,21 @@
 
     python3 tests/replay [options] PLAN.json [PLAN.json ...]
 
-docs/replay.md describes the simulation and the columns. Needs Python 3.11, mujoco and numpy.
+docs/replay.md describes the simulation. Needs Python 3.11, mujoco and numpy.
+
+Columns of the table:
+  cycles 2-5, last cycle  achieved / planned: forward and left distance of the centre of mass, turn of the body
+  sideways, yaw           achieved - planned, mean of a cycle
+  path                    distance of the base from its planned path within a cycle, root mean square
+  slip                    speed over the ground of the material at a planned stance contact with a load of at least
+                          1 % of the weight; mean and 95th percentile
+  swing on ground         share of the planned swing, lift-off and touch-down included, in which an end effector carries
+                          at least 1 % of the weight
+  sag                     planned - actual height of the body, mean
+  saturated               share of time at the torque limit, for the worst motor
+  depth                   deepest penetration of an end effector
+  fell, touched           time of a fall (tilt above 1 rad relative to the plan, or centre of mass below 55 % of its
+                          planned height); link with the longest ground contact
 
 Exit code: 0 if every motion passes (stays on its feet and within 0.95 to 1.05 of its plan) with the feed-forward that
 its robot's drives accept, or, without such a run, with every requested feed-forward; 1 if one does not, 2 if a file
