@@ -5,6 +5,7 @@
 
 mod attribute;
 mod mobility;
+mod narrow;
 mod probe;
 mod slow;
 mod weak;

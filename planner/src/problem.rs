@@ -7,6 +7,7 @@ mod contact_ground;
 mod footholds;
 mod horizon;
 mod means;
+mod reach;
 pub mod state;
 pub mod variables;
 mod weights;
@@ -21,7 +22,8 @@ use crate::plan::Placement;
 use nalgebra::DVector;
 use rollwalk_multibody::clearance::GroundPoint;
 use rollwalk_multibody::euler::Model;
-use rollwalk_multibody::ground::obstacle::Part;
+use rollwalk_multibody::ground::obstacle::Obstacle;
+use rollwalk_multibody::parts::Part;
 use state::State;
 use variables::{Layout, Lift, TimelineSample, force_scale_n};
 use weights::WEIGHT_INTERVAL_S;
@@ -49,6 +51,8 @@ pub struct Problem {
     pub clearance_points: Vec<GroundPoint>,
     /// Parts of the robot that must keep clear of obstacles. Empty without obstacles.
     pub obstacle_parts: Vec<Part>,
+    /// Obstacles that the robot may reach.
+    pub obstacles: Vec<Obstacle>,
     /// Heights of contact points above the ground along the timeline, m (Eq. 2.9).
     pub height_m: Vec<Vec<f64>>,
     /// Height w_h of a swing, m (Eq. 2.9).
@@ -188,6 +192,7 @@ impl Problem {
             contacts: Vec::new(),
             clearance_points: Vec::new(),
             obstacle_parts: Vec::new(),
+            obstacles: Vec::new(),
             weights,
             model,
             layout,
@@ -251,6 +256,7 @@ impl Problem {
             contacts: Vec::new(),
             clearance_points: Vec::new(),
             obstacle_parts: Vec::new(),
+            obstacles: Vec::new(),
             steering: Vec::new(),
             weights,
             model,

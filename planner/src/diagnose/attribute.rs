@@ -7,7 +7,7 @@
 //! probe has not converged. The request with the smallest relative change is named first.
 
 use super::mobility::Mobility;
-use super::{slow, weak};
+use super::{narrow, slow, weak};
 use crate::families::{Family, FamilySet, Kind};
 use crate::formulation::rows::{ComparedField, Role, Row, Rows, Subject};
 use crate::motion::{self, Reserve};
@@ -286,12 +286,19 @@ pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diag
     let slow = slow::too_slow_to_step(problem);
     let is_slow =
         |culprit: &Culprit| slow.as_ref().is_some_and(|slow| culprit.constraint == slow.constraint);
+    let of_obstacles = of_families.get(&Family::ObstacleClearance);
+    let violated = of_obstacles.is_some_and(|square| *square >= LEAST_SHARE * largest);
+    let narrow = narrow::across_path(problem, violated);
+    let is_narrow = |culprit: &Culprit| {
+        narrow.as_ref().is_some_and(|narrow| culprit.constraint == narrow.constraint)
+    };
     // The changed request may need less speed.
     let (requests, others): (Vec<_>, Vec<_>) = culprits
         .into_iter()
-        .filter(|culprit| !is_slow(culprit))
+        .filter(|culprit| !is_slow(culprit) && !is_narrow(culprit))
         .partition(|culprit| culprit.part == Kind::Request);
-    let culprits = weak.into_iter().chain(requests).chain(slow.clone()).chain(others).collect();
+    let first = weak.into_iter().chain(narrow.clone());
+    let culprits = first.chain(requests).chain(slow.clone()).chain(others).collect();
     Some(Diagnosis { verdict, culprits })
 }
 

@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Rotation2, Translation3, UnitQuaternion, Vector2, Vect
 use rollwalk_multibody::euler::{Model, Pose};
 use rollwalk_multibody::ground::Terrain;
 use rollwalk_multibody::ground::file::Shape;
-use rollwalk_multibody::ground::obstacle::parts;
+use rollwalk_multibody::parts::parts;
 use rollwalk_robot::Robot;
 
 /// Ratio of a kerb's height to a wheel's radius from which on played wheels fall behind without feedback.

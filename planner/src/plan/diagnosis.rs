@@ -11,8 +11,9 @@ use std::fmt;
 pub struct Diagnosis {
     /// Evidence against the request.
     pub verdict: Verdict,
-    /// Conflicting constraints. Motors too weak for standing and joints too slow for the swings come first. Requests of the
-    /// motion follow in order of the relative change that they need, then opposing limits and properties of the robot.
+    /// Conflicting constraints. Motors too weak for standing, obstacles across the path and joints too slow for the swings come
+    /// first. Requests of the motion follow in order of the relative change that they need, then opposing limits and properties
+    /// of the robot.
     pub culprits: Vec<Culprit>,
 }
 

@@ -6,7 +6,7 @@
 use super::Problem;
 use super::contact_ground::ContactGround;
 use nalgebra::{Rotation2, Vector2, Vector3};
-use rollwalk_multibody::ground::obstacle::parts;
+use rollwalk_multibody::parts::parts;
 
 /// Distance of points along a limb that keep clear of edges, m.
 const LIMB_SPACING_M: f64 = 0.03;
@@ -19,7 +19,8 @@ impl Problem {
         if self.ground.has_edges() {
             self.clearance_points.extend(self.model.clearance().points_between(LIMB_SPACING_M));
         }
-        if !self.ground.obstacles().is_empty() {
+        self.obstacles = self.obstacles_in_reach();
+        if !self.obstacles.is_empty() {
             self.obstacle_parts = parts(self.model.robot());
         }
         if self.ground.terrain().is_none() {

@@ -64,6 +64,7 @@ impl Problem {
             contacts: Vec::new(),
             clearance_points: Vec::new(),
             obstacle_parts: Vec::new(),
+            obstacles: Vec::new(),
             weights,
             model,
             layout,

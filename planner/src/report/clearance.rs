@@ -4,7 +4,7 @@ use super::grid::{State, Timeline};
 use super::residual::{Grid, WorstCase};
 use crate::families::Family;
 use rollwalk_multibody::clearance::{GroundPoint, Pair};
-use rollwalk_multibody::ground::obstacle::parts;
+use rollwalk_multibody::parts::parts;
 use rollwalk_robot::ClearancePair;
 
 /// Clearance deficits, worst over all samples or frames.

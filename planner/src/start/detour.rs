@@ -4,16 +4,14 @@
 //! along an offset from the straight path, and faces along it, so that wheels roll. Below an obstacle at the height of its head,
 //! it ducks.
 
-use crate::motion::{Footing, Motion};
-use nalgebra::{Rotation2, Vector2, Vector3};
-use rollwalk_multibody::euler::{BASE_POSITION, Model};
-use rollwalk_multibody::ground::obstacle::{Obstacle, parts};
+use super::extent::{DUCK, Extent, contains};
+use crate::motion::Motion;
+use nalgebra::{Rotation2, Vector2};
+use rollwalk_multibody::euler::Model;
 use rollwalk_robot::Robot;
 
 /// Maximum number of detours that are tried.
 const DETOURS_MAX: usize = 3;
-/// Fraction of the standing robot's height above which an obstacle is ducked under.
-const DUCK: f64 = 0.5;
 /// Length along the path over which the offset changes / change of the offset.
 const RAMP: f64 = 1.5;
 /// Ratio of the additional distance from obstacles to the robot's half width: corners swing out as the robot turns.
@@ -46,33 +44,6 @@ impl Offsets {
     }
 }
 
-/// Extent of the robot or an obstacle along and across a path, m.
-#[derive(Clone, Copy, Debug)]
-struct Extent {
-    along_m: [f64; 2],
-    across_m: [f64; 2],
-    height_m: [f64; 2],
-}
-
-impl Extent {
-    /// Extent of points with a radius around them, in axes whose x axis points along the path.
-    fn of(
-        points: impl Iterator<Item = (Vector3<f64>, f64)>,
-        path_from_world: &Rotation2<f64>,
-    ) -> Self {
-        const EMPTY: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
-        let mut found = Self { along_m: EMPTY, across_m: EMPTY, height_m: EMPTY };
-        for (point, radius_m) in points {
-            let seen = path_from_world * point.xy();
-            let ranges = [&mut found.along_m, &mut found.across_m, &mut found.height_m];
-            for (range, at) in ranges.into_iter().zip([seen.x, seen.y, point.z]) {
-                *range = [range[0].min(at - radius_m), range[1].max(at + radius_m)];
-            }
-        }
-        found
-    }
-}
-
 /// Detours of a motion, the shortest first. Empty if the straight path is free.
 pub(crate) fn detours(robot: &Robot, motion: &Motion) -> Vec<Detour> {
     let obstacles = motion.ground.obstacles();
@@ -82,10 +53,12 @@ pub(crate) fn detours(robot: &Robot, motion: &Motion) -> Vec<Detour> {
         return Vec::new();
     }
     let path_from_world = Rotation2::new(-goal.y.atan2(goal.x));
-    let body = standing(robot, motion, &path_from_world);
+    let model = Model::new(robot);
+    let q = model.standing_q(&motion.posture_rad);
+    let body = Extent::of_robot(&model, &q, &path_from_world);
     let seen = obstacles.iter();
-    let seen = seen.map(|obstacle| enlarged(obstacle, &motion.ground, &body, &path_from_world));
-    let seen: Vec<Extent> = seen.collect();
+    let seen = seen.map(|of| Extent::of_obstacle(of, &motion.ground, &path_from_world));
+    let seen: Vec<Extent> = seen.map(|of| of.seen_by(&body)).collect();
     let duck = ducks(&body, goal.norm(), &seen);
     let mut aside = Corridor::new(&body, goal.norm(), &seen).round();
     if aside.is_empty() && duck != Offsets::default() {
@@ -135,39 +108,11 @@ fn through(mut passages: Vec<Passage>, length_m: f64) -> Offsets {
     Offsets(corners)
 }
 
-/// Extent of an obstacle as the base of the robot sees it: enlarged by margin and robot, with heights above the ground below.
-fn enlarged(
-    obstacle: &Obstacle,
-    ground: &Footing,
-    body: &Extent,
-    path_from_world: &Rotation2<f64>,
-) -> Extent {
-    let (corners, radius_m) = obstacle.shape.corners();
-    let middle = corners.iter().sum::<Vector3<f64>>() / corners.len() as f64;
-    let ground_m = ground.body().at(&middle).height_m;
-    let corners = corners.into_iter().map(|corner| (corner, radius_m + obstacle.margin_m));
-    let Extent { along_m, across_m, height_m } = Extent::of(corners, path_from_world);
-    Extent {
-        along_m: [along_m[0] - body.along_m[1], along_m[1] - body.along_m[0]],
-        across_m: [across_m[0] - body.across_m[1], across_m[1] - body.across_m[0]],
-        height_m: height_m.map(|height_m| height_m - ground_m),
-    }
-}
-
-/// Returns true for an obstacle on the straight path to the goal.
-fn in_path(of: &Extent, length_m: f64) -> bool {
-    contains(of.across_m, 0.0) && of.along_m[1] > 0.0 && of.along_m[0] < length_m
-}
-
-fn contains([low, high]: [f64; 2], value: f64) -> bool {
-    low < value && value < high
-}
-
 /// Offsets downwards below the obstacles at the height of the robot's head.
 fn ducks(body: &Extent, length_m: f64, obstacles: &[Extent]) -> Offsets {
     let head_m = body.height_m[1];
     let above = obstacles.iter().filter(|of| (DUCK * head_m..head_m).contains(&of.height_m[0]));
-    let above = above.filter(|of| in_path(of, length_m));
+    let above = above.filter(|of| of.is_in_path(length_m));
     let mut passages: Vec<Passage> =
         above.map(|of| Passage::new(of.along_m, head_m - of.height_m[0], length_m)).collect();
     if passages.is_empty() {
@@ -184,17 +129,6 @@ fn ducks(body: &Extent, length_m: f64, obstacles: &[Extent]) -> Offsets {
     through(passages, length_m)
 }
 
-/// Extent of the standing robot about its base.
-fn standing(robot: &Robot, motion: &Motion, path_from_world: &Rotation2<f64>) -> Extent {
-    let model = Model::new(robot);
-    let q = model.standing_q(&motion.posture_rad);
-    let pose = model.pose_values(&q);
-    let base = Vector3::new(q[BASE_POSITION], q[BASE_POSITION + 1], 0.0);
-    let parts = parts(robot);
-    let points = parts.iter().flat_map(|part| part.placed(&pose.frames).corners());
-    Extent::of(points.map(|(point, radius_m)| (point - base, radius_m)), path_from_world)
-}
-
 /// Places that the robot passes, with the offsets at which it can.
 struct Corridor {
     length_m: f64,
@@ -207,16 +141,13 @@ struct Corridor {
 impl Corridor {
     fn new(body: &Extent, length_m: f64, obstacles: &[Extent]) -> Self {
         let slack_m = SLACK * 0.5 * (body.across_m[1] - body.across_m[0]);
-        let at_height = |of: &Extent| {
-            of.height_m[0] < DUCK * body.height_m[1] && of.height_m[1] > body.height_m[0]
-        };
         let slacken = |of: &Extent| {
             let [right_m, left_m] = of.across_m;
             Extent { across_m: [right_m - slack_m, left_m + slack_m], ..*of }
         };
         let enlarged: Vec<Extent> =
-            obstacles.iter().filter(|of| at_height(of)).map(slacken).collect();
-        let blocking = enlarged.iter().filter(|of| in_path(of, length_m));
+            obstacles.iter().filter(|of| of.is_beside(body)).map(slacken).collect();
+        let blocking = enlarged.iter().filter(|of| of.is_in_path(length_m));
         let mut blocking: Vec<Extent> = blocking.copied().collect();
         blocking.sort_by(|one, other| one.along_m[0].total_cmp(&other.along_m[0]));
         // What is beside a longer obstacle is passed with it.
@@ -283,6 +214,7 @@ impl Corridor {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::motion::Footing;
 
     fn corridor(obstacles: &[([f64; 2], [f64; 2])]) -> Corridor {
         let body = Extent { along_m: [-0.2, 0.2], across_m: [-0.1, 0.1], height_m: [0.0, 0.4] };
@@ -296,7 +228,8 @@ mod tests {
         let terrain = rollwalk_multibody::ground::file::from_toml("test.toml", &text).unwrap();
         let (ground, ahead) = (Footing::default(), Rotation2::identity());
         let seen = terrain.obstacles.iter();
-        let seen: Vec<_> = seen.map(|of| enlarged(of, &ground, &body, &ahead)).collect();
+        let seen = seen.map(|of| Extent::of_obstacle(of, &ground, &ahead).seen_by(&body));
+        let seen: Vec<_> = seen.collect();
         Corridor::new(&body, 3.0, &seen)
     }
 

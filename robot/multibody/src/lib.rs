@@ -47,6 +47,7 @@ pub mod ground;
 mod inverse_dynamics;
 mod jacobian;
 mod kinematics;
+pub mod parts;
 pub mod rotation;
 mod standing;
 mod state;

@@ -1,6 +1,6 @@
 //! Typed getters for one TOML table. They record a fault if the text is wrong.
 
-use super::{Document, Span, alternatives, in_other_unit};
+use super::{Document, Span, alternatives, in_other_unit, line_at};
 use rollwalk_protocol::names;
 use rollwalk_protocol::text::{Excerpt, Limit, is_plain_name};
 use std::cell::RefCell;
@@ -86,6 +86,11 @@ impl<'d> Table<'d> {
     /// Span of a key's value, or of the table's header if the key is absent.
     pub fn span_of(&self, key: &str) -> Span {
         self.find(key).unwrap_or_else(|| self.span())
+    }
+
+    /// Line number of a key's value, or of the table's header if the key is absent, from 1.
+    pub fn line_of(&self, key: &str) -> usize {
+        line_at(self.document.text, self.span_of(key).start)
     }
 
     /// Span of a key's value; `None` if the key is absent.

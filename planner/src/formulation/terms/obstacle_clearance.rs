@@ -1,4 +1,4 @@
-//! Clearance to obstacles: d(part, obstacle) ≥ margin for every part of the robot and every obstacle of the terrain. One
+//! Clearance to obstacles: d(part, obstacle) ≥ margin for every part of the robot and every obstacle in its reach. One
 //! inequality row per pair and sample, m. As in [`super::link_clearance`], rows are constant at large distances.
 
 use super::link_clearance::{BAND_M, FAR_M};
@@ -17,7 +17,7 @@ impl Term for ObstacleClearance {
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
-        let (model, obstacles) = (&window.problem.model, window.problem.ground.obstacles());
+        let (model, obstacles) = (&window.problem.model, &window.problem.obstacles);
         let (robot, pose) = (model.robot(), &window.states[1].pose);
         out.set(1.0, Role::Inequality { band: BAND_M });
         for part in &window.problem.obstacle_parts {

@@ -20,17 +20,30 @@ const SIZE_MIN_M: f64 = 0.001;
 pub(super) fn obstacles(root: &Table<'_>, heading_rad: f64) -> Option<Vec<Obstacle>> {
     let tables = root.tables_up_to(KEY, OBSTACLES_MAX);
     let turn = Isometry3::new(Vector3::zeros(), Vector3::z() * heading_rad);
+    // Names with the lines on which they are given.
+    let mut names = Vec::new();
     let read = tables.into_iter().enumerate();
-    let read = read.map(|(index, table)| Some(obstacle(table, index)?.moved(&turn)));
+    let read = read.map(|(index, table)| Some(obstacle(table, index, &mut names)?.moved(&turn)));
     // All tables are read, so that all faults are found.
     let read: Vec<_> = read.collect();
     read.into_iter().collect()
 }
 
-fn obstacle(mut table: Table<'_>, index: usize) -> Option<Obstacle> {
+fn obstacle(
+    mut table: Table<'_>,
+    index: usize,
+    names: &mut Vec<(String, usize)>,
+) -> Option<Obstacle> {
     let name = if table.has("name") { table.name("name") } else { None };
     let name = name.unwrap_or_else(|| format!("obstacle {}", index + 1));
     table.call(format!("obstacle `{name}`"));
+    match names.iter().find(|(other, _)| *other == name) {
+        Some((_, line)) => {
+            let problem = format_args!("is the name of the obstacle at line {line}, too");
+            table.fault("name", problem, "again", "give each obstacle its own name");
+        }
+        None => names.push((name.clone(), table.line_of("name"))),
+    }
     let margin_m = match table.has("margin_m") {
         true => table.number_in("margin_m", 0.0..=1.0, "m"),
         false => Some(MARGIN_M),
@@ -133,6 +146,12 @@ mod tests {
                 "box_m = [1, 1, 1]\nat_m = [0, 0, 0]\nsize = 2",
                 "unknown key `size`",
                 "`heading_deg`",
+            ),
+            (
+                "name = \"post\"\nbox_m = [1, 1, 1]\nat_m = [0, 0, 0]\n[[obstacle]]\n\
+                 name = \"post\"\nbox_m = [1, 1, 1]\nat_m = [2, 0, 0]",
+                "obstacle `post`: `name` is the name of the obstacle at line 2, too",
+                "its own name",
             ),
         ];
         for (text, message, help) in faults {
