@@ -11,7 +11,7 @@ use super::refine;
 use super::request::{Options, Request};
 use super::solution::Solution;
 use super::trials::SolveMethods;
-use crate::motion::{Footing, Motion};
+use crate::motion::{Ends, Footing, Motion};
 use crate::plan::{Placement, Plan, SolveStart, StartKind};
 use crate::problem::variables::{Layout, Lift};
 use crate::problem::{PrescribedEnd, Problem};
@@ -167,7 +167,8 @@ impl SolveMethods for MotionPair<'_> {
 }
 
 impl MotionPair<'_> {
-    /// Optimises a transition between the two motions.
+    /// Optimises a transition between the two motions. From rest to a motion on terrain, the robot ends where it began, because
+    /// the motion begins at the origin of the terrain.
     fn solve(&self, request: Request<'_>, effort: &mut Effort<'_>) -> Solution {
         let (Self { from, to }, Request { robot, motion, options }) = (*self, request);
         let model = motion.model(robot);
@@ -176,8 +177,9 @@ impl MotionPair<'_> {
         let start = prescribed_end(&model, &motion.ground, exit, -spacing_s);
         let entry = Moment { plan: to, time_s: 0.0 };
         let end = prescribed_end(&model, &motion.ground, entry, spacing_s);
-        let (problem, fixed) =
+        let (mut problem, fixed) =
             Problem::transition(model, motion, &start, &end, options.weights.clone());
+        problem.placement_free = to.motion.terrain.is_none() || from.motion.ends != Ends::AtRest;
         let unknowns = start::joined(&problem, fixed);
         let solved = solve(&problem, unknowns, SolveMode::Cold, &options.settings, effort);
         solved.write(&problem, motion, SolveStart { kind: StartKind::Joined, seed: 0 })
