@@ -29,7 +29,7 @@ pub fn slopes(
     let robot = project.robot_file;
     let parameters =
         sliders(documents, robot.path, robot.text).into_iter().map(parameter).collect();
-    let motions = vec![named(project.motion_file)];
+    let motions = vec![named(project.motion_file).into()];
     let designed = Designed::with_parameters(named(robot), motions, parameters);
     let designed = designed.map_err(|error| faults(robot.text, &error))?;
     let watch = &mut |motion: &str, state: &_| progress(&Answer::progress(state, motion));

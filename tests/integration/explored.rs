@@ -146,3 +146,18 @@ fn jobs_of_engines_are_written() {
     let wrong = ["design", "explore", "designs/small.toml", "-o", "out", "--shard", "3/2"];
     desk.run(&wrong).fails(2, &["`3/2` is not a shard"]);
 }
+
+#[test]
+fn a_motion_of_a_sweep_may_name_its_terrain() {
+    let desk = desk();
+    desk.write("motions/kerb.toml", "[step]\nat_x_m = 0.5\nheight_m = 0.015\n");
+    let drive = desk.read_text("motions/drive_1m.toml").replacen("= 25", "= 60", 1);
+    desk.write("motions/over.toml", format!("terrain = \"kerb.toml\"\n{drive}"));
+    desk.write(
+        "designs/kerb.toml",
+        "name = \"kerbs\"\n[[axis]]\nname = \"robot\"\nrobots = [{ name = \"agilebot\", \
+         robot = \"../robots/agilebot.toml\", motions = [\"../motions/over.toml\"] }]\n",
+    );
+    desk.run(&["design", "explore", "designs/kerb.toml", "-o", "kerb"])
+        .succeeds_with(0, &["1 rows; 1 motions pass the simulation"]);
+}

@@ -2,7 +2,7 @@
 
 use crate::error::{input_error, refused, refused_by_system};
 use pyo3::prelude::*;
-use rollwalk_design::designed::{Designed, NamedText};
+use rollwalk_design::designed::{Designed, MotionFile, NamedText};
 use rollwalk_design::file::DesignFile;
 use rollwalk_multibody::ground::{self, Terrain};
 use rollwalk_planner::building::{Contents, LibraryFiles, LibraryMismatch};
@@ -61,14 +61,20 @@ impl Source {
 
     /// Reads a motion file and the robot file that it names.
     pub fn motion(self, path: &Path) -> PyResult<(Robot, Motion)> {
-        let NamedText { name, text } = self.text(path, "motion file")?;
+        let file = self.text(path, "motion file")?;
+        let terrain = self.terrain_beside(path, &file)?;
+        let NamedText { name, text } = file;
         let robot = Motion::robot_path_in_toml(&name, &text).map_err(input_error)?;
         let robot = self.robot(&resolve_relative(path, &robot))?;
-        let terrain = Motion::terrain_path_in_toml(&name, &text).map_err(input_error)?;
-        let read = |named: String| self.terrain(&resolve_relative(path, &named));
-        let terrain = terrain.map(read).transpose()?;
         let motion = Motion::from_toml_on(&name, &text, &robot, terrain.as_ref());
         Ok((robot, motion.map_err(input_error)?))
+    }
+
+    /// Reads the terrain file that a motion file at `path` names, if it names one.
+    fn terrain_beside(self, path: &Path, motion: &NamedText) -> PyResult<Option<Terrain>> {
+        let named = Motion::terrain_path_in_toml(&motion.name, &motion.text);
+        let read = |named: String| self.terrain(&resolve_relative(path, &named));
+        named.map_err(input_error)?.map(read).transpose()
     }
 
     /// Reads a plan.
@@ -89,9 +95,12 @@ impl Source {
         let file = DesignFile::from_toml(&design.name, &design.text).map_err(input_error)?;
         let robot = self.text(&resolve_relative(path, &file.robot), "robot file")?;
         let motion = |of: &rollwalk_design::file::WeightedMotion| {
-            self.text(&resolve_relative(path, &of.file), "motion file")
+            let at = resolve_relative(path, &of.file);
+            let file = self.text(&at, "motion file")?;
+            let terrain = self.terrain_beside(&at, &file)?;
+            Ok(MotionFile { file, terrain })
         };
-        let motions = file.motions.iter().map(motion).collect::<PyResult<_>>()?;
+        let motions = file.motions.iter().map(motion).collect::<PyResult<Vec<_>>>()?;
         Designed::new(&design, robot, motions).map_err(input_error)
     }
 

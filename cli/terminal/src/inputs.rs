@@ -8,7 +8,7 @@ use crate::kind::Kind;
 use crate::shipped;
 use miette::{Context, Report, miette};
 use rollwalk_design::catalog::Catalog;
-use rollwalk_design::designed::{Designed, NamedText};
+use rollwalk_design::designed::{Designed, MotionFile, NamedText};
 use rollwalk_design::file::DesignFile;
 use rollwalk_design::sweep::{Files, LoadedSweep, Sweep};
 use rollwalk_multibody::ground::{self, Terrain};
@@ -207,16 +207,12 @@ impl Source {
     /// Returns an error if the motion file does not name a robot file, or if a file that it names is missing.
     pub fn beside_motion(self, motion: TextFile) -> miette::Result<MotionTexts> {
         let TextFile { path, text } = &motion;
-        let explain = |error| Kind::Motion.explain(Path::new(path), text)(error);
+        let explain = Kind::Motion.explain(Path::new(path), text);
         let robot = Motion::robot_path_in_toml(path, text).map_err(explain)?;
-        let terrain = Motion::terrain_path_in_toml(path, text).map_err(explain)?;
-        let read = |named: String, kind| {
-            let text =
-                self.text(&resolve_relative(Path::new(path), &named), PathSource::InFile, kind);
-            text.wrap_err_with(|| names(Path::new(path), &named))
-        };
-        let robot = read(robot, Kind::Robot)?;
-        let terrain = terrain.map(|named| read(named, Kind::Terrain)).transpose()?;
+        let at = resolve_relative(Path::new(path), &robot);
+        let read = self.text(&at, PathSource::InFile, Kind::Robot);
+        let robot = read.wrap_err_with(|| names(Path::new(path), &robot))?;
+        let terrain = self.terrain_beside(&motion)?;
         Ok(MotionTexts { robot, terrain, motion })
     }
 
@@ -250,17 +246,43 @@ impl Source {
         let design = self.text(path, named, Kind::Design)?;
         let explain = || Kind::Design.explain(path, &design.text);
         let file = DesignFile::from_toml(&design.path, &design.text).map_err(explain())?;
-        let read_relative = |named: &str, kind: Kind| {
-            let text = self.text(&resolve_relative(path, named), PathSource::InFile, kind);
-            text.map(NamedText::from).wrap_err_with(|| names(path, named))
-        };
-        let robot = read_relative(&file.robot, Kind::Robot)?;
-        let motions = file.motions.iter().map(|motion| read_relative(&motion.file, Kind::Motion));
+        let robot =
+            self.text(&resolve_relative(path, &file.robot), PathSource::InFile, Kind::Robot);
+        let robot = NamedText::from(robot.wrap_err_with(|| names(path, &file.robot))?);
+        let mut texts = vec![design.text.clone(), robot.text.clone()];
+        let motions = file.motions.iter();
+        let motions = motions.map(|of| self.motion_with_terrain(path, &of.file, &mut texts));
         let motions = motions.collect::<miette::Result<Vec<_>>>()?;
-        let texts =
-            [&design.text, &robot.text].into_iter().chain(motions.iter().map(|of| &of.text));
-        let texts = texts.cloned().collect();
         Ok((Designed::new(&design.into(), robot, motions).map_err(Report::new)?, texts))
+    }
+
+    /// Reads a motion file that the file at `path` names, and its terrain. Appends their texts to `texts`.
+    fn motion_with_terrain(
+        self,
+        path: &Path,
+        named: &str,
+        texts: &mut Vec<String>,
+    ) -> miette::Result<MotionFile> {
+        let file = self.text(&resolve_relative(path, named), PathSource::InFile, Kind::Motion);
+        let file = file.wrap_err_with(|| names(path, named))?;
+        texts.push(file.text.clone());
+        let terrain = self.terrain_beside(&file)?;
+        texts.extend(terrain.iter().map(|terrain| terrain.text.clone()));
+        let terrain = terrain.as_ref().map(self::terrain).transpose()?;
+        Ok(MotionFile { file: file.into(), terrain })
+    }
+
+    /// Reads the terrain file that a motion file names, if it names one.
+    fn terrain_beside(self, motion: &TextFile) -> miette::Result<Option<TextFile>> {
+        let TextFile { path, text } = motion;
+        let explain = Kind::Motion.explain(Path::new(path), text);
+        let named = Motion::terrain_path_in_toml(path, text).map_err(explain)?;
+        let read = |named: String| {
+            let at = resolve_relative(Path::new(path), &named);
+            let text = self.text(&at, PathSource::InFile, Kind::Terrain);
+            text.wrap_err_with(|| names(Path::new(path), &named))
+        };
+        named.map(read).transpose()
     }
 
     /// Reads and validates a sweep file, the files that it names, and a servo catalogue. Returns all texts, too, from which
@@ -287,14 +309,16 @@ impl Source {
             None => None,
         };
         let (robots, motions) = sweep.files();
-        let named = robots.into_iter().map(|robot| (robot, Kind::Robot));
-        let named = named.chain(motions.into_iter().map(|motion| (motion, Kind::Motion)));
-        let mut files = Files::new();
-        for (name, kind) in named {
-            let text = self.text(&resolve_relative(path, name), PathSource::InFile, kind);
+        let mut files = Files::default();
+        for name in robots {
+            let text = self.text(&resolve_relative(path, name), PathSource::InFile, Kind::Robot);
             let text = text.wrap_err_with(|| names(path, name))?;
             texts.push(text.text.clone());
-            files.insert(name.clone(), text.into());
+            files.robots.insert(name.clone(), text.into());
+        }
+        for name in motions {
+            let motion = self.motion_with_terrain(path, name, &mut texts)?;
+            files.motions.insert(name.clone(), motion);
         }
         let catalog = match servos {
             Some(path) => self.catalog(path)?,

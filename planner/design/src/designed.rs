@@ -4,6 +4,7 @@ use crate::catalog::Servo;
 use crate::file::{self, DesignFile};
 use crate::parameter::{Kind, Location};
 use crate::text::{NoEffect, RobotText, number};
+use rollwalk_multibody::ground::Terrain;
 use rollwalk_planner::Structures;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::sensitivity::{Design, Parameter};
@@ -21,10 +22,26 @@ pub struct NamedText {
     pub text: String,
 }
 
+/// Motion file, with the terrain that it names.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotionFile {
+    /// The motion file.
+    pub file: NamedText,
+    /// Terrain; `None` for level ground.
+    pub terrain: Option<Terrain>,
+}
+
+impl From<NamedText> for MotionFile {
+    fn from(file: NamedText) -> Self {
+        Self { file, terrain: None }
+    }
+}
+
 #[derive(Clone, Debug)]
 struct MotionText {
     name: String,
     document: DocumentMut,
+    terrain: Option<Terrain>,
 }
 
 impl NamedText {
@@ -33,14 +50,14 @@ impl NamedText {
     /// # Errors
     /// If there is no such number.
     pub(crate) fn check_motion_value(&self, path: &str) -> Result<(), NoEffect> {
-        number::value(&MotionText::new(self.clone()).document, path).map(drop)
+        number::value(&MotionText::new(self.clone().into()).document, path).map(drop)
     }
 }
 
 impl MotionText {
-    fn new(file: NamedText) -> Self {
+    fn new(MotionFile { file, terrain }: MotionFile) -> Self {
         // Text that is not TOML is reported when the motion is read.
-        Self { document: file.text.parse().unwrap_or_default(), name: file.name }
+        Self { document: file.text.parse().unwrap_or_default(), name: file.name, terrain }
     }
 
     /// File name without folder and extension, by which parameters refer to the motion.
@@ -87,13 +104,14 @@ impl Designed {
     pub fn new(
         design: &NamedText,
         robot: NamedText,
-        motions: Vec<NamedText>,
+        motions: impl IntoIterator<Item: Into<MotionFile>>,
     ) -> Result<Self, DocumentError> {
         let file = DesignFile::from_toml(&design.name, &design.text)?;
         // Faults of the robot are reported with their positions, so the code below reads valid text.
         Robot::from_toml(&robot.name, &robot.text)?;
         let mut text = RobotText::new(&robot.text).unwrap_or_default();
-        let motions: Vec<MotionText> = motions.into_iter().map(MotionText::new).collect();
+        let motions = motions.into_iter().map(|motion| MotionText::new(motion.into()));
+        let motions: Vec<MotionText> = motions.collect();
         let of_motion = |place: &Location| {
             let stem = place.template.as_deref().unwrap_or_default();
             let motion = motions.iter().find(|motion| motion.stem() == stem);
@@ -147,7 +165,7 @@ impl Designed {
     ///
     /// # Errors
     /// Returns the faults of the first invalid file.
-    pub fn fixed(robot: NamedText, motions: Vec<NamedText>) -> Result<Self, DocumentError> {
+    pub fn fixed(robot: NamedText, motions: Vec<MotionFile>) -> Result<Self, DocumentError> {
         Self::with_parameters(robot, motions, Vec::new())
     }
 
@@ -157,7 +175,7 @@ impl Designed {
     /// Returns the faults of the first invalid file.
     pub fn with_parameters(
         robot: NamedText,
-        motions: Vec<NamedText>,
+        motions: Vec<MotionFile>,
         parameters: Vec<file::Parameter>,
     ) -> Result<Self, DocumentError> {
         Robot::from_toml(&robot.name, &robot.text)?;
@@ -182,7 +200,7 @@ impl Designed {
     ///
     /// # Errors
     /// If the motions do not fit the robot.
-    pub fn with_motions(mut self, motions: Vec<NamedText>) -> Result<Self, DocumentError> {
+    pub fn with_motions(mut self, motions: Vec<MotionFile>) -> Result<Self, DocumentError> {
         self.motions = motions.into_iter().map(MotionText::new).collect();
         self.checked()
     }
@@ -270,8 +288,9 @@ impl Designed {
         };
         let motion_texts: Vec<String> = self.motions.iter().map(changed).collect();
         let both = self.motions.iter().zip(&motion_texts);
-        let motion =
-            |(file, text): (&MotionText, &String)| Motion::from_toml(&file.name, text, &robot);
+        let motion = |(file, text): (&MotionText, &String)| {
+            Motion::from_toml_on(&file.name, text, &robot, file.terrain.as_ref())
+        };
         let motions = both.map(motion).collect::<Result<_, _>>()?;
         Ok(Variant { values: values.to_vec(), text, robot, motion_texts, motions })
     }

@@ -14,7 +14,7 @@ pub use file::{Axis, Dataset, RobotChoice, Sweep, speed_of};
 pub use row::{Keep, Row};
 
 use crate::catalog::Catalog;
-use crate::designed::{Designed, NamedText};
+use crate::designed::{Designed, MotionFile, NamedText};
 use crate::goal::Goal;
 use crate::plans::{PlansError, Watch};
 use rollwalk_planner::Structures;
@@ -22,7 +22,13 @@ use rollwalk_robot::document::DocumentError;
 use std::collections::BTreeMap;
 
 /// Files of a sweep, by the names that the sweep uses.
-pub type Files = BTreeMap<String, NamedText>;
+#[derive(Clone, Debug, Default)]
+pub struct Files {
+    /// Robot files.
+    pub robots: BTreeMap<String, NamedText>,
+    /// Motion files.
+    pub motions: BTreeMap<String, MotionFile>,
+}
 
 /// Sweep with all of its files.
 #[derive(Clone, Debug)]
@@ -94,11 +100,12 @@ impl LoadedSweep {
             match axis {
                 Axis::Robots { choices, .. } => {
                     let RobotChoice { robot, motions, .. } = &choices[at];
-                    let motions = motions.iter().map(|motion| self.file(motion)).collect();
-                    designed = Some(Designed::fixed(self.file(robot), motions)?);
+                    let motions = motions.iter().map(|motion| self.motion(motion)).collect();
+                    let robot = self.files.robots[robot].clone();
+                    designed = Some(Designed::fixed(robot, motions)?);
                 }
                 Axis::Motions { files, .. } => {
-                    let motion = vec![self.file(&files[at])];
+                    let motion = vec![self.motion(&files[at])];
                     designed = designed.map(|of| of.with_motions(motion)).transpose()?;
                 }
                 Axis::Servos { actuator, names, .. } => {
@@ -116,8 +123,8 @@ impl LoadedSweep {
         Ok(designed)
     }
 
-    fn file(&self, name: &str) -> NamedText {
-        self.files[name].clone()
+    fn motion(&self, name: &str) -> MotionFile {
+        self.files.motions[name].clone()
     }
 }
 

@@ -266,7 +266,10 @@ impl Sweep {
         let named = self.files().1;
         match design {
             Some(design) if named.is_empty() => design.motions(),
-            _ => named.into_iter().filter_map(|name| files.get(name).cloned()).collect(),
+            _ => named
+                .into_iter()
+                .filter_map(|name| Some(files.motions.get(name)?.file.clone()))
+                .collect(),
         }
     }
 

@@ -37,12 +37,25 @@ fn ready(text: &str) -> Result<LoadedSweep, DocumentError> {
         vec![motion.clone()],
     )?;
     let file = NamedText { name: "sweep.toml".to_owned(), text: text.to_owned() };
-    let files = Files::from([("car_drive.toml".to_owned(), motion)]);
+    let motions = [("car_drive.toml".to_owned(), motion.into())].into();
+    let files = Files { motions, ..Files::default() };
     LoadedSweep::new(&file, Some(design), files, Catalog::shipped())
 }
 
 fn on(_: &str, _: &Progress) -> ControlFlow<()> {
     ControlFlow::Continue(())
+}
+
+#[test]
+fn a_motion_is_planned_on_the_terrain_that_it_names() {
+    let kerb = "[step]\nat_x_m = 0.5\nheight_m = 0.015";
+    let terrain = rollwalk_multibody::ground::file::from_toml("kerb.toml", kerb).unwrap();
+    let mut file = read("motions/drive_1m.toml");
+    file.text = format!("terrain = \"kerb.toml\"\n{}", file.text);
+    let motion = MotionFile { file, terrain: Some(terrain) };
+    let designed = Designed::fixed(read("robots/agilebot.toml"), vec![motion]).unwrap();
+    let variant = designed.at(&[]).unwrap();
+    assert_eq!(variant.motions[0].terrain.as_ref().map(|of| of.toml.as_str()), Some(kerb));
 }
 
 #[test]

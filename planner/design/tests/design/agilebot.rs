@@ -32,7 +32,7 @@ fn legs(motions: &[&str]) -> Designed {
     let start = design.text.find("motions = [").unwrap();
     let end = start + design.text[start..].find("\n]").unwrap() + 2;
     design.text.replace_range(start..end, &format!("motions = [ {} ]", list.join(", ")));
-    let motions = motions.iter().map(|motion| read(motion)).collect();
+    let motions = motions.iter().map(|motion| read(motion));
     Designed::new(&design, read("robots/agilebot.toml"), motions).unwrap()
 }
 
