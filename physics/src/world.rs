@@ -7,6 +7,7 @@ mod build;
 mod foot;
 mod hinge;
 mod imu;
+mod obstacles;
 mod odometer;
 mod parameters;
 mod parts;
@@ -29,6 +30,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 pub use imu::{Imu, ImuSample};
+pub use obstacles::{ObstacleContact, ObstacleWatch};
 pub use odometer::{
     Fall, FallWatch, NetDisplacement, Odometer, Totals, ground_from_world, heading_rad,
     normal_at_start,

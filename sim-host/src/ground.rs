@@ -16,7 +16,8 @@ use rollwalk_multibody::ground::Ground;
 use rollwalk_physics::motor::{Law, torque_speed_line};
 use rollwalk_physics::push::{Shove, mean_force};
 use rollwalk_physics::world::{
-    self, FallWatch, Imu, ImuSample, Parameters, ground_from_world, heading_rad,
+    self, FallWatch, Imu, ImuSample, ObstacleContact, ObstacleWatch, Parameters, ground_from_world,
+    heading_rad,
 };
 use rollwalk_physics::{StepError, World};
 use rollwalk_protocol::library::ClipId;
@@ -54,6 +55,12 @@ pub struct Grounded {
     /// Torque-speed lines in channel order: stall torque, N·m, and no-load speed, rad/s.
     lines: Vec<(f64, f64)>,
     falls: Vec<Fall>,
+    /// Detector of contacts with obstacles; `None` without obstacles.
+    obstacle_watch: Option<ObstacleWatch>,
+    /// First contact with an obstacle during each motion.
+    contacts: Vec<ObstacleContact>,
+    /// True if the robot has touched an obstacle during the current motion.
+    has_touched: bool,
     /// True if the robot has fallen since the hoist released it.
     has_fallen: bool,
     /// Latest time at which a motor had torque.
@@ -110,6 +117,9 @@ impl Grounded {
             ground_from_world: ground_from_world(ground.as_ref()),
             lines,
             falls: Vec::new(),
+            obstacle_watch: ObstacleWatch::new(robot, ground.as_ref()),
+            contacts: Vec::new(),
+            has_touched: false,
             has_fallen: false,
             torque_at: SimTime::ZERO,
             shoves,
@@ -128,6 +138,11 @@ impl Grounded {
     /// List of the falls so far.
     pub fn falls(&self) -> &[Fall] {
         &self.falls
+    }
+
+    /// First contact with an obstacle during each motion so far; `None` on ground without obstacles.
+    pub fn obstacle_contacts(&self) -> Option<&[ObstacleContact]> {
+        self.obstacle_watch.as_ref().map(|_| self.contacts.as_slice())
     }
 
     /// True if the robot has fallen since the hoist released it.
@@ -176,6 +191,7 @@ impl Grounded {
         }
         if self.travel.map(|travel| travel.motion) != motion {
             self.travels.extend(self.travel.take());
+            self.has_touched = false;
             self.travel = motion
                 .map(|motion| Travel::begin(motion, now, &self.world, self.ground_from_world));
         }
@@ -193,6 +209,7 @@ impl Grounded {
                 travel.add(now, STEP_S, &self.world);
             }
             self.watch(now, servos);
+            self.watch_obstacles();
         }
         Ok(())
     }
@@ -238,6 +255,18 @@ impl Grounded {
             + law.kd_nm_s_rad * (law.speed_rad_s - speed_rad_s)
             + law.torque_nm;
         plant.torque_limited = (wanted - torque_nm).abs() > 1e-9 * (1.0 + wanted.abs());
+    }
+
+    /// Detects the first contact with an obstacle during a motion.
+    fn watch_obstacles(&mut self) {
+        if self.has_touched || self.hoist.is_some() {
+            return;
+        }
+        let watch = self.obstacle_watch.as_ref();
+        if let Some(contact) = watch.and_then(|watch| watch.check(&self.world)) {
+            self.has_touched = true;
+            self.contacts.push(contact);
+        }
     }
 
     /// Detects falls, and makes the hoist pick up a robot that has been without torque for a while.

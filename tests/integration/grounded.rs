@@ -111,6 +111,13 @@ fn a_library_holds_a_motion_over_a_kerb_and_plays_it_there() {
     let ahead_m = over["forward_m"].as_f64().unwrap();
     assert!((0.95..1.05).contains(&ahead_m), "{ahead_m}");
     assert_eq!(told["falls"], Value::Array(Vec::new()));
+    desk.write(
+        "crate.toml",
+        "[step]\nat_x_m = 0.5\nheight_m = 0.015\n[[obstacle]]\nname = \"crate\"\n\
+         box_m = [0.1, 0.1, 0.4]\nat_m = [0.9, 0.05, 0.2]\n",
+    );
+    desk.run(&["simulate", "kerbs.rwl", "--terrain", "crate.toml"])
+        .succeeds_with(3, &["touches obstacle `crate` after "]);
     // The motion may not end half-way up.
     desk.write(
         "over.toml",

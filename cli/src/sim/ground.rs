@@ -11,12 +11,13 @@ const SHORTEST_S: f64 = 0.2;
 /// Prints the displacement of each motion, falls and hoist actions to stderr.
 pub struct Printer {
     falls: usize,
+    obstacle_contacts: usize,
     is_held: bool,
 }
 
 impl Default for Printer {
     fn default() -> Self {
-        Self { falls: 0, is_held: true }
+        Self { falls: 0, obstacle_contacts: 0, is_held: true }
     }
 }
 
@@ -39,7 +40,7 @@ impl Printer {
         }
     }
 
-    /// Prints falls and hoist actions since the previous call.
+    /// Prints falls, contacts with obstacles and hoist actions since the previous call.
     pub fn print_ground(&mut self, ground: &Grounded) {
         let falls = ground.falls();
         for fall in falls.iter().skip(self.falls) {
@@ -52,6 +53,14 @@ impl Printer {
             ));
         }
         self.falls = falls.len();
+        let contacts = ground.obstacle_contacts().unwrap_or_default();
+        for contact in contacts.iter().skip(self.obstacle_contacts) {
+            output::print_line(format_args!(
+                "{:9.3} s  `{}` touches obstacle `{}`",
+                contact.at_s, contact.link, contact.obstacle
+            ));
+        }
+        self.obstacle_contacts = contacts.len();
         if ground.is_held() != self.is_held {
             self.is_held = ground.is_held();
             let what = if self.is_held { "lifts the robot" } else { "releases the robot" };

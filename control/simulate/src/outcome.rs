@@ -1,12 +1,13 @@
 //! Outcome of a simulated plan, compared with the plan.
 
-use crate::collision::{Collision, CollisionWatch};
 use crate::control::Controller;
 use crate::judgement::{BAND, ComponentDeviation, PlannedDisplacement};
 use crate::script::Script;
 use nalgebra::Rotation3;
 use rollwalk_multibody::ground::Ground;
-use rollwalk_physics::world::{FallWatch, NetDisplacement, Odometer, Totals};
+use rollwalk_physics::world::{
+    FallWatch, NetDisplacement, ObstacleContact, ObstacleWatch, Odometer, Totals,
+};
 use rollwalk_physics::{StepReport, World};
 use serde::Serialize;
 use std::fmt;
@@ -39,9 +40,9 @@ pub struct RunOutcome {
     pub height: Option<f64>,
     /// Time at which the robot fell, s; `None` if it did not fall.
     pub fell_at_s: Option<f64>,
-    /// First collision with an obstacle; `None` if there was none.
+    /// First contact with an obstacle; `None` if there was none.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub collision: Option<Collision>,
+    pub collision: Option<ObstacleContact>,
     /// Simulated time, s.
     pub time_s: f64,
     /// Tilt, slip, forces and work.
@@ -137,8 +138,8 @@ pub enum MotionFailure {
         /// Ratio of the height to the planned one.
         ratio: f64,
     },
-    /// Collision with an obstacle, before any fall.
-    Collides(Collision),
+    /// Contact with an obstacle, before any fall.
+    Collides(ObstacleContact),
     /// Run without a complete period.
     Unfinished,
     /// Displacement that changes between periods, without a fall.
@@ -160,9 +161,7 @@ impl fmt::Display for MotionFailure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Falls { at_s } => write!(f, "the robot falls after {at_s:.2} s"),
-            Self::Collides(Collision { at_s, link, obstacle }) => {
-                write!(f, "`{link}` touches obstacle `{obstacle}` after {at_s:.2} s")
-            }
+            Self::Collides(contact) => write!(f, "{contact}"),
             Self::Height { ratio } => {
                 write!(f, "the robot ends at {ratio:.3} of the planned height")
             }
@@ -189,8 +188,8 @@ pub(crate) struct Tracker {
     fall_watch: FallWatch,
     cycles: Vec<NetDisplacement>,
     fell_at_s: Option<f64>,
-    collision_watch: Option<CollisionWatch>,
-    collision: Option<Collision>,
+    obstacle_watch: Option<ObstacleWatch>,
+    collision: Option<ObstacleContact>,
     /// Planned final height of the centre of mass, m, of a motion that lies on its body.
     planned_height_m: Option<f64>,
     steps: u64,
@@ -215,7 +214,7 @@ impl Tracker {
             fall_watch: FallWatch::new(world, ground),
             cycles: Vec::new(),
             fell_at_s: None,
-            collision_watch: CollisionWatch::new(&plan.robot, ground.as_ref()),
+            obstacle_watch: ObstacleWatch::new(&plan.robot, ground.as_ref()),
             collision: None,
             planned_height_m: plan.robot.has_body_points().then_some(plan.after.com_m[2]),
             steps: 0,
@@ -241,7 +240,7 @@ impl Tracker {
             self.fell_at_s = Some(world.system().time_s());
         }
         if self.collision.is_none()
-            && let Some(watch) = &self.collision_watch
+            && let Some(watch) = &self.obstacle_watch
         {
             self.collision = watch.check(world);
         }

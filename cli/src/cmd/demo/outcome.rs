@@ -122,8 +122,8 @@ impl DemoOutcome {
                 ..clip(planned, &report, &score)
             });
         }
-        let falls = rig.body().ground().map(|ground| ground.falls().len());
-        let world = falls.map(|falls| World::new(plans, &played.travels, falls));
+        let ground = rig.body().ground();
+        let world = ground.map(|ground| World::new(plans, &played.travels, ground));
         let mut bounds = bounds(&clips, &levels, rig.config(), world.is_some());
         bounds.extend(world.iter().flat_map(bounds_on_ground));
         Ok(Self {
@@ -209,13 +209,15 @@ fn joint_step_rad(config: &RobotConfig) -> f64 {
     fastest(config, ChannelKind::JointPosition) / f64::from(Settings::default().control_hz)
 }
 
-fn bounds_on_ground(world: &World) -> [Bound; 2] {
+fn bounds_on_ground(world: &World) -> Vec<Bound> {
     let bound =
         |name, worst, bound: f64| Bound { name, worst, bound, unit: "", holds: worst <= bound };
-    [
-        bound("falls on the ground", world.falls as f64, 0.0),
-        bound("distance and turn on the ground, relative error", world.goal_error(), WAY_SHARE),
-    ]
+    let contacts = world.obstacle_contacts.as_ref();
+    let touched = contacts.map(|of| bound("motions that touch obstacles", of.len() as f64, 0.0));
+    let falls = bound("falls on the ground", world.falls as f64, 0.0);
+    let error = world.goal_error();
+    let error = bound("distance and turn on the ground, relative error", error, WAY_SHARE);
+    [falls, error].into_iter().chain(touched).collect()
 }
 
 fn bounds(clips: &[Clip], levels: &Levels, config: &RobotConfig, is_on_ground: bool) -> Vec<Bound> {

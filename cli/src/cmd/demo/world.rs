@@ -1,9 +1,9 @@
 //! Results of each motion on the ground, compared with its plan.
 
-use rollwalk_physics::world::{NetDisplacement, Totals};
+use rollwalk_physics::world::{NetDisplacement, ObstacleContact, Totals};
 use rollwalk_planner::motion::Ends;
 use rollwalk_planner::plan::Plan;
-use rollwalk_sim_host::ground::Travel;
+use rollwalk_sim_host::ground::{Grounded, Travel};
 use rollwalk_simulate::PlannedDisplacement;
 use rollwalk_terminal::planning::Plans;
 use serde::Serialize;
@@ -14,6 +14,8 @@ pub struct World {
     /// Motions and transitions in the order of playing.
     pub travels: Vec<Row>,
     pub falls: usize,
+    /// First contact with an obstacle during each motion; null without obstacles.
+    pub obstacle_contacts: Option<Vec<ObstacleContact>>,
 }
 
 /// Motion or transition that was played.
@@ -38,10 +40,14 @@ pub struct Row {
 
 impl World {
     /// Compares the displacement of each played clip with its plan.
-    pub fn new(plans: &Plans, travels: &[Travel], falls: usize) -> Self {
+    pub fn new(plans: &Plans, travels: &[Travel], ground: &Grounded) -> Self {
         let plans: Vec<&Plan> = plans.all().map(|planned| &planned.plan).collect();
         let row = |travel: &Travel| Some(row(plans.get(usize::from(travel.clip()?.0))?, travel));
-        Self { travels: travels.iter().filter_map(row).collect(), falls }
+        Self {
+            travels: travels.iter().filter_map(row).collect(),
+            falls: ground.falls().len(),
+            obstacle_contacts: ground.obstacle_contacts().map(<[_]>::to_vec),
+        }
     }
 
     /// Maximum relative error over all goals.

@@ -5,7 +5,7 @@ use crate::planned::{self, ClipResult};
 use crate::terrain::Support;
 use crate::tour::{self, Options, TourResult};
 use miette::miette;
-use rollwalk_physics::world::{NetDisplacement, Totals};
+use rollwalk_physics::world::{NetDisplacement, ObstacleContact, Totals};
 use rollwalk_sim_host::ground::{Fall, Travel};
 use rollwalk_terminal::files::Rotation;
 use rollwalk_terminal::output::Table;
@@ -21,6 +21,8 @@ struct Document {
     /// Motions and transitions in the order of playing.
     travels: Vec<Row>,
     falls: Vec<FallRow>,
+    /// First contact with an obstacle during each motion.
+    obstacle_contacts: Vec<ObstacleContact>,
     /// Reason why the tour ended early.
     stopped: Option<String>,
 }
@@ -98,12 +100,15 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             totals: travel.totals(),
         }
     };
-    let falls = rig.body().ground().map(|ground| ground.falls()).unwrap_or_default();
+    let ground = rig.body().ground();
+    let falls = ground.map(|ground| ground.falls()).unwrap_or_default();
+    let contacts = ground.and_then(|ground| ground.obstacle_contacts()).unwrap_or_default();
     let document = Document {
         robot: packed.robot.name.clone(),
         session_s,
         travels: travels.iter().map(row).collect(),
         falls: falls.iter().map(FallRow::from).collect(),
+        obstacle_contacts: contacts.to_vec(),
         stopped: match stopped {
             Some(why) => Some(why.to_string()),
             None => interrupted.then(|| "interrupted".to_owned()),
@@ -118,6 +123,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         return Ok(Exit::Interrupted);
     }
     let holds = document.falls.is_empty()
+        && document.obstacle_contacts.is_empty()
         && document.stopped.is_none()
         && document.missed().next().is_none();
     Ok(if holds { Exit::Ok } else { Exit::DoesNotHold })
@@ -182,6 +188,9 @@ fn describe(document: &Document) -> String {
         document.robot,
         document.session_s
     );
+    for contact in &document.obstacle_contacts {
+        text += &format!("\n{contact}");
+    }
     for (name, miss) in document.missed() {
         text += &format!("\n{name} fails in simulation: {miss}");
     }
