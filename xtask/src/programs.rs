@@ -57,11 +57,12 @@ pub fn modules(programs: &[&Program], modules: &[String]) -> Result<(), String> 
 /// Runs the tests with real-time deadlines of all programs, with no other program in parallel.
 ///
 /// # Errors
-/// Returns the programs with failed tests, or an error if there are no such tests.
+/// Returns the programs with failed tests, or an error if a program does not list its tests, or if there are no such tests.
 pub fn in_real_time(programs: &[&Program]) -> Result<(), String> {
-    let tests =
-        programs.iter().filter_map(|program| program.tests(&[REAL_TIME, REAL_TIME_THREADS]).ok());
-    let outcomes: Vec<_> = tests.map(|mut tests| shell::run(&mut tests)).collect();
+    let tests = programs.iter();
+    let tests = tests.map(|program| program.command_if_any(&[REAL_TIME, REAL_TIME_THREADS]));
+    let tests = tests.filter_map(Result::transpose).collect::<Result<Vec<_>, _>>()?;
+    let outcomes: Vec<_> = tests.into_iter().map(|mut tests| shell::run(&mut tests)).collect();
     if outcomes.is_empty() {
         return Err(format!("no program has tests for `{REAL_TIME}`"));
     }

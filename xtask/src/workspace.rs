@@ -85,12 +85,18 @@ impl Program {
     /// # Errors
     /// Returns an error if no test is selected, because libtest would then succeed.
     pub fn tests(&self, selection: &[&str]) -> Result<Command, String> {
+        let command = self.command_if_any(selection)?;
+        command.ok_or_else(|| format!("`{}` has no test for `{}`", self.name, selection.join(" ")))
+    }
+
+    /// Returns a command that runs a selection of tests; `None` if no test is selected.
+    ///
+    /// # Errors
+    /// Returns the output of a program that does not list its tests.
+    pub fn command_if_any(&self, selection: &[&str]) -> Result<Option<Command>, String> {
         let list = shell::output(self.command(selection).arg("--list"))?;
-        if list.lines().any(|line| line.ends_with(": test")) {
-            Ok(self.command(selection))
-        } else {
-            Err(format!("`{}` has no test for `{}`", self.name, selection.join(" ")))
-        }
+        let is_selected = list.lines().any(|line| line.ends_with(": test"));
+        Ok(is_selected.then(|| self.command(selection)))
     }
 }
 
