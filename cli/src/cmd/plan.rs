@@ -153,10 +153,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         place.write(plan.to_json().as_bytes())?;
     }
     let is_good = report.judgement.is_good();
-    let mut simulation = match is_good && !interrupted && !args.no_simulation {
-        true => judged.or_else(|| simulated(&plan)),
-        false => None,
-    };
+    let simulates = is_good && !interrupted && !args.no_simulation;
+    let mut simulation = judged.or_else(|| simulates.then(|| simulated(&plan)).flatten());
     if let Some((finer, verdict, more_s)) =
         simulation.clone().and_then(|verdict| refined(&plan, verdict, &options, args))
     {
@@ -353,10 +351,13 @@ impl<'a> PlanResult<'a> {
     }
 
     fn describe(&self, interrupted: bool, is_given: bool) -> String {
-        let &Self { plan, report, simulation, time_s, written, .. } = self;
+        let &Self { plan, report, simulation, time_s, written, patterns } = self;
         let solve = &plan.solve;
         // A plan that is written after Ctrl-C had converged before a refinement with more samples.
         let status = match written {
+            Some(_) if interrupted && patterns.is_some() => {
+                "converged; the search over gaits was interrupted".to_owned()
+            }
             Some(_) if interrupted && solve.timing.is_some() => {
                 "converged; the search for better times was interrupted".to_owned()
             }
@@ -392,6 +393,8 @@ impl<'a> PlanResult<'a> {
             if let Some(why) = plan.motion.needs_feedback.as_ref().filter(|_| !verdict.holds()) {
                 text += &format!("the motion needs feedback according to its file: {why}\n");
             }
+        } else if interrupted && written.is_some() {
+            text += "not simulated, because of the interrupt\n";
         }
         let holds = simulation.is_none_or(|verdict| verdict.is_good(plan));
         text += &match written {

@@ -1,15 +1,15 @@
 //! Search over footfall patterns for the goal of a motion (`--search-gaits`), ranked by the simulation of their plans.
 
 use super::simulated;
-use rollwalk_planner::motion::{Motion, PatternKind};
+use rollwalk_planner::motion::{Motion, Pattern, PatternKind};
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::report::{Report, Row};
 use rollwalk_planner::sensitivity::Objective;
 use rollwalk_planner::{Options, timing};
 use rollwalk_robot::Robot;
 use rollwalk_simulate::Verdict;
-use rollwalk_terminal::interrupt;
 use rollwalk_terminal::progress::SolveProgress;
+use rollwalk_terminal::{interrupt, output};
 use serde::Serialize;
 
 /// Pattern with its plan and the criteria of the ranking.
@@ -91,8 +91,17 @@ impl GaitSearch {
         simulates: bool,
         verbose: bool,
     ) -> Self {
+        let tried = motion.patterns(robot);
+        let with_cycles =
+            |pattern: &Pattern| matches!(pattern.kind, PatternKind::Gait { cycles: Some(_), .. });
+        if tried.iter().any(with_cycles) {
+            output::print_line(
+                "the search gives each gait about one cycle a second, in place of `cycles` of the \
+                 motion file; the pattern \"as given\" keeps it",
+            );
+        }
         let mut patterns = Vec::new();
-        for pattern in motion.patterns(robot) {
+        for pattern in tried {
             if interrupt::requested() {
                 break;
             }
