@@ -7,8 +7,7 @@ use miette::IntoDiagnostic;
 use rollwalk_host::session::Session;
 use rollwalk_multibody::ground::Ground;
 use rollwalk_physics::push::Shove;
-use rollwalk_planner::building::names_place;
-use rollwalk_protocol::library::{ClipId, ClipInfo, Library, NodeId, RATE_HZ};
+use rollwalk_protocol::library::{ClipId, ClipInfo, Library, NodeId, PlaceCode, RATE_HZ, place_of};
 use rollwalk_protocol::wire::{Parameter, State};
 use rollwalk_sim_host::ground::Travel;
 use rollwalk_sim_host::rig::Rig;
@@ -16,6 +15,8 @@ use rollwalk_terminal::validated_library::ValidatedLibrary;
 use rollwalk_terminal::{interrupt, output};
 use std::sync::Arc;
 
+/// Planned speed, in 64ths.
+const FULL_SPEED_64THS: i8 = 64;
 /// Timeout for a selected motion to begin, in addition to the duration of the current motion and the transition, µs.
 const SLACK_US: u64 = 5_000_000;
 /// Simulated time between checks for Ctrl-C while a loop plays, µs.
@@ -170,7 +171,8 @@ fn go(
     cycles: u32,
 ) -> miette::Result<()> {
     let code = library.code_of(to).expect("a validated library has a code for every motion");
-    session.select(code).into_diagnostic()?;
+    let place = PlaceCode::of_motion(&name(library, to));
+    session.select_from(place, code, FULL_SPEED_64THS).into_diagnostic()?;
     // The present motion may have to end first, and a transition takes time.
     let seconds = |duration_s: f64| (duration_s * 1e6) as u64;
     let clip_s = |clip| library.clip(clip).as_ref().map_or(0.0, duration_s);
@@ -204,7 +206,7 @@ fn go(
 /// taken if there is one; otherwise the origin of the first unplayed edge is selected.
 fn route(library: &Library<'_>, at_places: bool) -> Vec<NodeId> {
     let edges = library.edges().filter_map(|edge| library.edge(edge));
-    let is_played = |node| at_places || !names_place(&name(library, node));
+    let is_played = |node| at_places || place_of(&name(library, node)).is_none();
     let played = edges.filter(|edge| is_played(edge.from) && is_played(edge.to));
     tour(library.safe_node(), played.map(|edge| (edge.from, edge.to)).collect())
 }

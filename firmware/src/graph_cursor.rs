@@ -96,6 +96,36 @@ impl GraphCursor {
         Ok(())
     }
 
+    /// Returns true if all motions that the cursor would enter on its way to a goal are permitted.
+    pub fn may_enter(
+        &self,
+        library: &Library<'_>,
+        goal: NodeId,
+        permitted: impl Fn(NodeId) -> bool,
+    ) -> bool {
+        let (mut node, arriving) = match self.place {
+            GraphPosition::Motion(node) => (node, false),
+            GraphPosition::Transition(edge) => (edge.to, true),
+        };
+        if node == goal && (arriving || self.stays_at(library, goal)) {
+            return true;
+        }
+        // Routes visit no node twice.
+        for _ in 0..MAX_MOTIONS {
+            let edge = library.next_hop(node, goal).and_then(|edge| library.edge(edge));
+            // Without a route, the goal is refused anyway.
+            let Some(edge) = edge else { return true };
+            node = edge.to;
+            if !permitted(node) {
+                return false;
+            }
+            if node == goal {
+                break;
+            }
+        }
+        true
+    }
+
     /// Determines the next transition and entries.
     // Rarely called: kept out of line, so that the image contains it once.
     #[inline(never)]

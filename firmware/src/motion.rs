@@ -149,6 +149,20 @@ impl Motion {
         }
     }
 
+    /// Returns true if all motions on the way to a goal are permitted.
+    pub fn may_enter(
+        &self,
+        library: &Library<'_>,
+        goal: NodeId,
+        permitted: impl Fn(NodeId) -> bool,
+    ) -> bool {
+        match &self.stage {
+            Stage::Playing(player) => player.may_enter(library, goal, permitted),
+            // The motion is refused anyway.
+            _ => true,
+        }
+    }
+
     /// Sets the playback speed, in 64ths of the planned speed.
     pub fn set_speed(&mut self, speed_64ths: u8) {
         if let Stage::Playing(player) = &mut self.stage {

@@ -142,6 +142,16 @@ impl Player {
         self.cursor.set_goal(library, goal)
     }
 
+    /// Returns true if all motions on the way to a goal are permitted.
+    pub fn may_enter(
+        &self,
+        library: &Library<'_>,
+        goal: NodeId,
+        permitted: impl Fn(NodeId) -> bool,
+    ) -> bool {
+        self.cursor.may_enter(library, goal, permitted)
+    }
+
     /// Number of frames until the requested motion starts; 0 once it plays.
     pub fn frames_to_goal(&self, library: &Library<'_>) -> u16 {
         match self.cursor.frames_to_goal(library) {

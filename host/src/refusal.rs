@@ -72,6 +72,10 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
             "give a rate from 20 samples/s to the control rate, and gains from 0 to 100 %; with more than \
              27 channels lower the rate, so that a link of 1 Mbit/s carries samples and answers"
         }
+        CommandResult::OtherPlace => {
+            "the motion begins at the place in its name, after the @; put the robot there, and \
+             confirm it with `rollwalk send MOTION --at PLACE`"
+        }
     }
 }
 

@@ -8,6 +8,7 @@ use crate::motion::{Ends, Motion};
 use crate::plan::{Plan, Status};
 use crate::planning::{Options, TransitionError};
 use miette::Diagnostic;
+use rollwalk_protocol::library::place_of;
 use rollwalk_robot::Robot;
 use rollwalk_robot::document::DocumentError;
 use std::fmt;
@@ -76,8 +77,8 @@ pub enum LibraryMismatch {
     /// A motion is for a terrain, and its name in the library does not say so.
     #[error("{library}: motion `{motion}` is for a terrain (see {at})")]
     #[diagnostic(help(
-        "name it after its place, such as `{motion}@stairs`: the controller does not know where \
-         the terrain begins, so operators must see where they may play the motion"
+        "name it after its place, such as `{motion}@stairs`: the controller then plays it only if \
+         the operator confirms that the robot stands there"
     ))]
     Terrain {
         /// Name of the library file.
@@ -162,7 +163,7 @@ impl Contents {
                 }
             };
             let on_terrain = |motion: &Motion| motion.terrain.is_some();
-            if motions.last().is_some_and(on_terrain) && !names_place(&item.name) {
+            if motions.last().is_some_and(on_terrain) && place_of(&item.name).is_none() {
                 let (library, motion) = (name.to_owned(), item.name.clone());
                 return Err(shelf.misfit(LibraryMismatch::Terrain { library, motion, at }));
             }
@@ -191,11 +192,6 @@ impl Contents {
         let Self { robot, file, motions, plans } = self;
         LibraryRequest { robot, file, motions, plans }
     }
-}
-
-/// Returns true if a name in a library says where the motion is played: a name, an @ and a place.
-pub fn names_place(name: &str) -> bool {
-    name.split_once('@').is_some_and(|(motion, place)| !motion.is_empty() && !place.is_empty())
 }
 
 /// Solver for the motions and transitions of a library, which are planned one after the other. Methods return `None` if the

@@ -4,7 +4,7 @@ use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::MAX_CHANNELS;
 use rollwalk_protocol::faults::{Event, Fault, FaultBits};
-use rollwalk_protocol::library::{FORMAT_MAJOR, FORMAT_MINOR, NodeId};
+use rollwalk_protocol::library::{FORMAT_MAJOR, FORMAT_MINOR, NodeId, PlaceCode};
 use rollwalk_protocol::wire::authentication::request_id;
 use rollwalk_protocol::wire::transport::{Hello, MAX_BLOCK, Reply, TransferResult, TransportError};
 use rollwalk_protocol::wire::{
@@ -180,7 +180,10 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     ) -> Result<AcknowledgedValues, CommandResult> {
         const NOTHING_TO_SAY: AcknowledgedValues = (None, 0);
         match action {
-            Action::Play { code, speed_64ths } => self.play(now_us, code, speed_64ths),
+            Action::Play { code, speed_64ths } => self.play(now_us, code, speed_64ths, None),
+            Action::PlayAt { code, speed_64ths, place } => {
+                self.play(now_us, code, speed_64ths, Some(place))
+            }
             Action::Stream => {
                 self.may_stream()?;
                 self.motion.want_tracking(None);
@@ -342,6 +345,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         now_us: u64,
         code: u8,
         speed_64ths: i8,
+        place: Option<PlaceCode>,
     ) -> Result<AcknowledgedValues, CommandResult> {
         let speed = u8::try_from(speed_64ths).ok();
         let speed = speed.filter(|speed| (1..=PLANNED_SPEED_64THS).contains(speed));
@@ -352,6 +356,15 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             Some(None) => Err(CommandResult::UnknownCode),
             Some(Some(node)) => Ok(node),
         };
+        let node = node.and_then(|node| {
+            let library = library.ok_or(CommandResult::NoLibrary)?;
+            let is_here = |entered| {
+                let of_motion = library.name(entered).and_then(PlaceCode::of_motion);
+                of_motion.is_none() || of_motion == place
+            };
+            let may = self.motion.may_enter(&library, node, is_here);
+            if may { Ok(node) } else { Err(CommandResult::OtherPlace) }
+        });
         if self.state() == State::Paused {
             return Err(CommandResult::WrongState);
         }

@@ -5,6 +5,7 @@ use crate::robot::*;
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::{Fault, Severity};
+use rollwalk_protocol::library::PlaceCode;
 use rollwalk_protocol::wire::{
     Action, CommandResult, Discover, Discovered, FaultReport, FromController, Node, PROTOCOL_MAJOR,
     State,
@@ -31,6 +32,29 @@ fn refusals_have_reasons() {
     rig.run(20);
     assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::NoLibrary);
     assert!(rig.brain.faults().contains(Fault::NoLibrary));
+}
+
+/// A motion for a place is played only with the confirmation that the robot stands there; each repetition needs its own.
+#[test]
+fn a_motion_for_a_place_needs_the_confirmation_of_this_place() {
+    let mut rig = Rig::new(Some(&library_with_place()));
+    rig.run(20);
+    rig.arm();
+    rig.run_until(State::Ready, 1000);
+    let at = |place| Action::play(Some(PlaceCode::named(place)), CODE_DRIVE, 64);
+    assert_eq!(rig.play(CODE_DRIVE).result, CommandResult::OtherPlace);
+    assert_eq!(rig.command(at("kerb")).result, CommandResult::OtherPlace);
+    rig.run(200);
+    assert_eq!(rig.brain.state(), State::Ready);
+    // Other motions may begin at any place.
+    let walk = Action::play(Some(PlaceCode::named("stairs")), CODE_WALK, 64);
+    assert_eq!(rig.command(walk).result, CommandResult::Ok);
+    assert_eq!(rig.command(at("stairs")).result, CommandResult::Ok);
+    while rig.clip() != DRIVE_CLIP {
+        rig.step();
+    }
+    assert_eq!(rig.play(CODE_DRIVE).result, CommandResult::OtherPlace);
+    assert_eq!(rig.command(Action::Return).result, CommandResult::Ok);
 }
 
 #[test]

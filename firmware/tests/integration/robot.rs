@@ -101,6 +101,9 @@ fn transition(from: [f32; CHANNELS], to: [f32; CHANNELS]) -> Vec<f32> {
         .collect()
 }
 
+/// Name of the drive.
+const DRIVE: &str = "drive";
+
 /// Encoded test library.
 pub fn library() -> Vec<u8> {
     library_for(&config())
@@ -128,7 +131,12 @@ pub fn library_with_attitudes(code: u8, pitch_rad: f32, spread_rad: f32) -> Vec<
     let motions =
         [CODE_STAND, CODE_DRIVE, CODE_WALK].map(|c| if c == code { bowed } else { level });
     let attitudes = [&motions[..], &[level; 4]].concat();
-    build_from(&config(), &stand(), true, 1.0, &attitudes, &|_| vec![])
+    build_from(&config(), &stand(), true, 1.0, DRIVE, &attitudes, &|_| vec![])
+}
+
+/// Test library whose drive begins at the place `stairs`.
+pub fn library_with_place() -> Vec<u8> {
+    build_from(&config(), &stand(), true, 1.0, "drive@stairs", &[], &|_| vec![])
 }
 
 /// Test library with torques, which `torques` computes from the values of each frame.
@@ -138,7 +146,7 @@ pub fn library_with_torques(
     torques: &dyn Fn(&[f32]) -> [f32; CHANNELS],
 ) -> Vec<u8> {
     let of = |frames: &[f32]| frames.chunks(CHANNELS).flat_map(torques).collect();
-    build_from(config, &stand(), true, speed, &[], &of)
+    build_from(config, &stand(), true, speed, DRIVE, &[], &of)
 }
 
 fn build(config: &RobotConfig, stand: &[f32], looping: bool) -> Vec<u8> {
@@ -147,7 +155,7 @@ fn build(config: &RobotConfig, stand: &[f32], looping: bool) -> Vec<u8> {
 
 /// Test library with the wheel speed scaled by `speed`.
 fn build_at(config: &RobotConfig, stand: &[f32], looping: bool, speed: f32) -> Vec<u8> {
-    build_from(config, stand, looping, speed, &[], &|_| vec![])
+    build_from(config, stand, looping, speed, DRIVE, &[], &|_| vec![])
 }
 
 fn build_from(
@@ -155,6 +163,7 @@ fn build_from(
     stand: &[f32],
     looping: bool,
     speed: f32,
+    drive_name: &str,
     attitudes: &[Attitude],
     torques: &dyn Fn(&[f32]) -> Vec<f32>,
 ) -> Vec<u8> {
@@ -175,7 +184,7 @@ fn build_from(
             torques: &of_motions[0],
         },
         MotionSpec {
-            name: "drive",
+            name: drive_name,
             code: CODE_DRIVE,
             looping: false,
             frames: &drive,

@@ -138,7 +138,7 @@ impl Operator {
 
     fn done(&mut self, order: Order, ack: CommandAck) -> String {
         match order {
-            Order::Play { code, speed_64ths } => {
+            Order::Play { code, speed_64ths, .. } => {
                 self.asked = Some((code, speed_64ths));
                 let begins_s = f64::from(ack.value) / f64::from(RATE_HZ);
                 let words = order.words(self.catalog.as_ref());

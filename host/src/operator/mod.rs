@@ -85,6 +85,8 @@ pub struct Operator {
     deadman: Option<Deadman>,
     leaving: ExitStage,
     speed_64ths: i8,
+    /// Code of a motion for a place that the operator asked for, and the time, µs. Asking again confirms the place.
+    asked_at_place: Option<(u8, u64)>,
     /// Code and speed of the latest accepted motion command.
     asked: Option<(u8, i8)>,
     /// Earliest time of the next automatic command, µs.
@@ -134,6 +136,7 @@ impl Operator {
             deadman: None,
             leaving: ExitStage::No,
             speed_64ths: FULL_SPEED,
+            asked_at_place: None,
             asked: None,
             automatic_us: 0,
             bus_lost: None,
@@ -488,7 +491,8 @@ impl Operator {
             && motion.looping
             && motion.code == Some(code)
             && speed_64ths != self.speed_64ths;
-        changes.then_some((Order::Play { code, speed_64ths: self.speed_64ths }, SPEED_US))
+        let speed_64ths = self.speed_64ths;
+        changes.then_some((Order::Play { code, speed_64ths, place: None }, SPEED_US))
     }
 }
 

@@ -4,6 +4,7 @@ use crate::catalog::Catalog;
 use crate::client::{ACK_TIMEOUT_US, COMMAND_LIFE_US, Client, SEQUENCE_TRIES};
 use crate::refusal::command_refusal_in;
 use crate::tracking::Tracking;
+use rollwalk_protocol::library::PlaceCode;
 use rollwalk_protocol::wire::{Action, Command, CommandAck, CommandResult};
 
 /// Timeout of a waiting order, µs.
@@ -15,6 +16,8 @@ pub enum Order {
     Play {
         code: u8,
         speed_64ths: i8,
+        /// Place at which the operator has confirmed that the robot stands.
+        place: Option<PlaceCode>,
     },
     Pause,
     Resume,
@@ -33,7 +36,7 @@ pub enum Order {
 impl Order {
     fn first_step(self) -> Action {
         match self {
-            Order::Play { code, speed_64ths } => Action::Play { code, speed_64ths },
+            Order::Play { code, speed_64ths, place } => Action::play(place, code, speed_64ths),
             Order::Pause => Action::Pause,
             Order::Resume => Action::Resume,
             Order::Return => Action::Return,

@@ -6,7 +6,9 @@ use super::setpoints::{Loop, Setpoints};
 use super::view::ExitStage;
 use super::{Deadman, Intent, Operator, ReleaseReaction, has_torque};
 use crate::stream::Stream;
+use rollwalk_protocol::library::{PlaceCode, place_of};
 use rollwalk_protocol::wire::{PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State};
+use std::ops::RangeInclusive;
 
 /// Interlock after an emergency stop or a failed bus: the operator must clear and arm before anything moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,10 +31,17 @@ impl Latch {
     }
 }
 
+/// Interval in which a request for a motion with a place counts as confirmation of the same request before it, µs. Keys that are
+/// held repeat sooner.
+const CONFIRMS_US: RangeInclusive<u64> = 1_000_000..=10_000_000;
+
 impl Operator {
     /// Processes an intent.
     pub fn request(&mut self, now_us: u64, intent: Intent) {
         self.latest_intent += 1;
+        if !matches!(intent, Intent::Play { .. } | Intent::Speed { .. } | Intent::Deadman(_)) {
+            self.asked_at_place = None;
+        }
         match intent {
             Intent::Estop => self.estop(now_us),
             Intent::Speed { sixty_fourths } => self.speed_64ths = sixty_fourths.clamp(1, 64),
@@ -40,7 +49,12 @@ impl Operator {
             Intent::Quit => self.quit(now_us),
             Intent::Play { code } => {
                 let speed_64ths = self.speed_64ths;
-                self.order(now_us, Order::Play { code, speed_64ths });
+                match self.confirmed_place(now_us, code) {
+                    Ok(place) => self.order(now_us, Order::Play { code, speed_64ths, place }),
+                    Err(why) => {
+                        self.refuse(now_us, Order::Play { code, speed_64ths, place: None }, &why);
+                    }
+                }
             }
             Intent::PauseOrResume => {
                 let paused = self.link.state() == Some(State::Paused);
@@ -164,6 +178,29 @@ impl Operator {
                 self.log.answer(now_us, self.latest_intent, Weight::Note, why);
             }
         }
+    }
+
+    /// Returns the place of a motion if the operator asks for the motion again, which confirms that the robot stands there.
+    /// `None` for a motion without a place, and for a robot that no person watches.
+    fn confirmed_place(&mut self, now_us: u64, code: u8) -> Result<Option<PlaceCode>, String> {
+        let before = self.asked_at_place.take();
+        let motions = self.catalog.iter().flat_map(|catalog| &catalog.motions);
+        let motion = motions.into_iter().find(|motion| motion.code == Some(code));
+        let Some(place) = motion.and_then(|motion| place_of(&motion.name)) else { return Ok(None) };
+        if self.unwatched {
+            return Ok(None);
+        }
+        let confirms = |(asked, at_us): (u8, u64)| {
+            asked == code && CONFIRMS_US.contains(&now_us.saturating_sub(at_us))
+        };
+        if before.is_some_and(confirms) {
+            return Ok(Some(PlaceCode::named(place)));
+        }
+        let why = format!(
+            "the motion begins at `{place}`; if the robot stands there, ask again after 1 to 10 s"
+        );
+        self.asked_at_place = Some((code, now_us));
+        Err(why)
     }
 
     fn refuse(&mut self, now_us: u64, order: Order, why: &str) {

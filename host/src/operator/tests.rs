@@ -5,6 +5,7 @@ mod any_sequence;
 use super::*;
 use crate::fixtures::servo_line;
 use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
+use rollwalk_protocol::library::PlaceCode;
 use rollwalk_protocol::wire::{
     Action, Command, CommandAck, CommandResult, Estop, EstopAck, FaultReport, HeartbeatReply,
     JointTelemetry, Node, SCHEMA_HASH, Status, ToController,
@@ -230,6 +231,48 @@ fn of_several_motions_the_newest_counts_and_a_pause_waits_for_none() {
     desk.pass(200_000);
     let last = desk.commands().split_off(2);
     assert!(last.iter().all(|command| command.action == Action::Pause), "{last:?}");
+}
+
+#[test]
+fn a_motion_for_a_place_is_sent_when_the_operator_asks_again() {
+    let mut catalog = catalog();
+    catalog.motions[3].name = "climb@stairs".into();
+    let mut desk = TestOperator::new();
+    desk.operator.set_catalog(Some(catalog.clone()));
+    let play = Intent::Play { code: 3 };
+    let plays = |desk: &TestOperator| {
+        let commands = desk.commands();
+        commands.iter().filter(|of| of.action.kind() == 0).map(|of| of.action).collect::<Vec<_>>()
+    };
+    desk.request(play);
+    assert!(desk.last_words().contains("begins at `stairs`"), "{}", desk.last_words());
+    // A key that is held repeats at once.
+    for _ in 0..20 {
+        desk.pass(100_000);
+        desk.request(play);
+    }
+    // Something else in between withdraws the question.
+    desk.pass(2_000_000);
+    desk.request(Intent::Return);
+    desk.pass(2_000_000);
+    desk.answer(CommandResult::Ok, 0);
+    desk.request(play);
+    desk.pass(11_000_000);
+    desk.request(play);
+    assert_eq!(plays(&desk), []);
+    desk.pass(2_000_000);
+    desk.request(play);
+    desk.poll();
+    let at = Action::play(Some(PlaceCode::named("stairs")), 3, 64);
+    assert_eq!(plays(&desk), [at]);
+
+    // A program that asks again does not know where the robot stands.
+    let mut desk = TestOperator::new();
+    desk.operator = std::mem::replace(&mut desk.operator, Operator::new(node(), None)).unwatched();
+    desk.operator.set_catalog(Some(catalog));
+    desk.request(play);
+    desk.poll();
+    assert_eq!(plays(&desk), [Action::play(None, 3, 64)]);
 }
 
 #[test]

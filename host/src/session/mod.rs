@@ -20,6 +20,7 @@ use crate::describe::state_name;
 use crate::listener::{self, Listener};
 use exchange::Exchange;
 use rollwalk_bus::link::LinkBus;
+use rollwalk_protocol::library::PlaceCode;
 use rollwalk_protocol::wire::transport::{Hello, Request, Response};
 use rollwalk_protocol::wire::{
     Action, CommandAck, CommandResult, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State,
@@ -200,7 +201,17 @@ impl<B: LinkBus> Session<B> {
 
     /// Plays the motion with a code, at a speed of 1 to 64, in 64ths of the planned speed.
     pub fn select_at(&mut self, code: u8, speed_64ths: i8) -> Result<CommandAck, SessionError> {
-        self.command("play this code", Action::Play { code, speed_64ths })
+        self.select_from(None, code, speed_64ths)
+    }
+
+    /// Plays the motion with a code, with the confirmation that the robot stands at a place.
+    pub fn select_from(
+        &mut self,
+        place: Option<PlaceCode>,
+        code: u8,
+        speed_64ths: i8,
+    ) -> Result<CommandAck, SessionError> {
+        self.command("play this code", Action::play(place, code, speed_64ths))
     }
 
     /// Pauses the motion.

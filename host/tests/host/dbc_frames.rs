@@ -6,6 +6,7 @@ use rollwalk_protocol::actuator::{
 };
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
+use rollwalk_protocol::library::PlaceCode;
 use rollwalk_protocol::wire::authentication::{Authenticator, Subject, TAG_LEN};
 use rollwalk_protocol::wire::isotp::{Endpoint, Output, Timing};
 use rollwalk_protocol::wire::transport::{frame_to_controller, frame_to_host};
@@ -104,8 +105,11 @@ fn heartbeats() -> impl Strategy<Value = Sample> {
 
 fn action() -> impl Strategy<Value = Action> {
     prop_oneof![
-        (any::<u8>(), any::<i8>())
-            .prop_map(|(code, speed_64ths)| Action::Play { code, speed_64ths }),
+        (any::<u16>(), any::<u8>(), any::<i8>()).prop_map(|(place, code, speed)| Action::play(
+            PlaceCode::from_code(place),
+            code,
+            speed
+        )),
         of(&[
             Action::Pause,
             Action::Resume,
@@ -127,6 +131,9 @@ fn commands() -> impl Strategy<Value = Sample> {
     let command = (to(), 0u8..16, action(), any::<u16>()).prop_map(|(to, seq, action, until)| {
         let (code, speed, arg) = match action {
             Action::Play { code, speed_64ths } => (code, f64::from(speed_64ths) / 64.0, 0),
+            Action::PlayAt { code, speed_64ths, place } => {
+                (code, f64::from(speed_64ths) / 64.0, place.code())
+            }
             Action::ArmConfirm { nonce } | Action::ClearConfirm { nonce } => (0, 0.0, nonce),
             Action::Track { rate_hz, kp_percent, kd_percent } => {
                 (kp_percent, f64::from(kd_percent) / 64.0, rate_hz)

@@ -37,6 +37,7 @@ mod cursor;
 mod decoder;
 mod encode;
 mod entry;
+mod place;
 mod quantise;
 mod records;
 mod reject;
@@ -55,6 +56,7 @@ pub use container::identity;
 pub use cursor::{Advance, ClipCursor};
 pub use encode::{encode, encode_with_attitudes};
 pub use entry::Entry;
+pub use place::{PlaceCode, place_of};
 pub use reject::{Reject, RejectReason, Section};
 pub use signature::{
     FINGERPRINT_LEN, SIGNATURE_BLOCK_LEN, SIGNATURE_LEN, SIGNATURE_MAGIC, SignedFile,

@@ -3,6 +3,7 @@
 use super::{DecodeError, Kind, Node, State};
 use crate::can::Frame;
 use crate::coded::coded;
+use crate::library::PlaceCode;
 
 const COMMAND: Kind = Kind::new(2, 0);
 const ACK: Kind = Kind::new(3, 2);
@@ -37,6 +38,15 @@ pub enum Action {
         code: u8,
         /// Playback speed in 64ths; 64 is the planned speed. Negative speeds are reserved.
         speed_64ths: i8,
+    },
+    /// Plays as [`Play`](Self::Play), with the confirmation that the robot stands at a place.
+    PlayAt {
+        /// Command code of the motion.
+        code: u8,
+        /// Playback speed in 64ths.
+        speed_64ths: i8,
+        /// Place at which the robot stands. Motions of this place may be played, and motions without a place.
+        place: PlaceCode,
     },
     /// Holds the current pose with stopped wheels.
     Pause,
@@ -81,10 +91,18 @@ pub enum Action {
 }
 
 impl Action {
+    /// Plays a motion, with the confirmation that the robot stands at a place if one is given.
+    pub fn play(place: Option<PlaceCode>, code: u8, speed_64ths: i8) -> Self {
+        match place {
+            None => Self::Play { code, speed_64ths },
+            Some(place) => Self::PlayAt { code, speed_64ths, place },
+        }
+    }
+
     /// Kind on the wire, 4 bits.
     pub fn kind(self) -> u8 {
         match self {
-            Action::Play { .. } => 0,
+            Action::Play { .. } | Action::PlayAt { .. } => 0,
             Action::Pause => 1,
             Action::Resume => 2,
             Action::Return => 3,
@@ -106,6 +124,7 @@ impl Command {
     pub fn encode(self, to: Node) -> Frame {
         let (code, speed, arg) = match self.action {
             Action::Play { code, speed_64ths } => (code, speed_64ths, 0),
+            Action::PlayAt { code, speed_64ths, place } => (code, speed_64ths, place.code()),
             Action::ArmConfirm { nonce } | Action::ClearConfirm { nonce } => (0, 0, nonce),
             Action::Track { rate_hz, kp_percent, kd_percent } => {
                 (kp_percent, kd_percent as i8, rate_hz)
@@ -128,10 +147,7 @@ impl Command {
             |values: [u16; 2]| (values == [0, 0]).then_some(()).ok_or(DecodeError::BadValue);
         let play = [u16::from(code), u16::from(speed)];
         let action = match kind {
-            0 => {
-                unused([arg, 0])?;
-                Action::Play { code, speed_64ths: speed as i8 }
-            }
+            0 => Action::play(PlaceCode::from_code(arg), code, speed as i8),
             6 | 8 => {
                 unused(play)?;
                 let nonce = arg;
@@ -208,6 +224,8 @@ coded! {
         UnfitActuators = 16,
         /// A sample rate or a fraction of gains is out of range.
         BadTracking = 17,
+        /// The motion, or one on the way to it, is for a place at which the robot does not stand according to the command.
+        OtherPlace = 18,
     }
 }
 

@@ -57,7 +57,7 @@ use thiserror::Error;
 /// Major protocol version. Two sides with different major versions may only exchange HELLO, DISCOVER and ESTOP.
 pub const PROTOCOL_MAJOR: u8 = 2;
 /// Minor protocol version. A higher one has further messages, which this version ignores.
-pub const PROTOCOL_MINOR: u8 = 4;
+pub const PROTOCOL_MINOR: u8 = 5;
 /// Period of the host's heartbeats, ms.
 pub const HEARTBEAT_PERIOD_MS: u32 = 50;
 /// Timeout after which the host counts as lost, ms.

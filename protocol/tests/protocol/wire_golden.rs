@@ -4,6 +4,7 @@
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::{Event, Fault, FaultBits, Severity};
+use rollwalk_protocol::library::PlaceCode;
 use rollwalk_protocol::wire::*;
 
 /// Identifier and payload as hexadecimal digits.
@@ -70,6 +71,11 @@ fn command() {
         assert_eq!(text(frame), golden, "{action:?}");
         assert_eq!(Command::decode(&frame), Ok((node(), command)));
     }
+    let place = PlaceCode::named("stairs");
+    let action = Action::PlayAt { code: 20, speed_64ths: 64, place };
+    let command = Command { seq: 5, action, valid_until_ms: 0x2710 };
+    assert_eq!(text(command.encode(node())), "230#96051440a0bf1027");
+    assert_eq!(Command::decode(&command.encode(node())), Ok((node(), command)));
 }
 
 #[test]
@@ -293,7 +299,7 @@ fn codes_are_pinned() {
         "0 Ok, 1 UnknownCode, 2 WrongState, 3 Expired, 4 Unreachable, 5 NotArmed, 6 NoLibrary, \
          7 WrongNonce, 8 ConfigMismatch, 9 PoseUnknown, 10 OutOfOrder, 11 UnknownKind, \
          12 FaultPresent, 13 BadSpeed, 14 AuthenticationRequired, 15 Unproven, 16 UnfitActuators, \
-         17 BadTracking",
+         17 BadTracking, 18 OtherPlace",
     );
     check(
         Event::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),

@@ -7,6 +7,7 @@
 use arbitrary::{Result, Unstructured};
 use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
 use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::library::PlaceCode;
 use rollwalk_protocol::wire::authentication::SessionRequest;
 use rollwalk_protocol::wire::{Action, ParameterAction, Request, Setpoint, State, Torque};
 
@@ -68,7 +69,10 @@ fn action(u: &mut Unstructured<'_>) -> Result<Action> {
         3 => Action::ArmRequest,
         4 => Action::ArmConfirm { nonce: u.arbitrary()? },
         5 => Action::ClearConfirm { nonce: u.arbitrary()? },
-        6 => Action::Play { code: u.arbitrary()?, speed_64ths: u.arbitrary()? },
+        6 => {
+            let place = PlaceCode::from_code(u.arbitrary()?);
+            Action::play(place, u.arbitrary()?, u.arbitrary()?)
+        }
         _ => Action::Unknown { kind: u.int_in_range(11..=15)? },
     })
 }

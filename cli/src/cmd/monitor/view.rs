@@ -166,7 +166,7 @@ impl<'a> View<'a> {
 
     fn command(&self, at_us: u64, action: Action, result: CommandResult) -> miette::Result<()> {
         let what = match action {
-            Action::Play { code, speed_64ths } => {
+            Action::Play { code, speed_64ths } | Action::PlayAt { code, speed_64ths, .. } => {
                 let motions = self.catalog.into_iter().flat_map(|catalog| &catalog.motions);
                 let name = motions.filter(|motion| motion.code == Some(code)).map(|m| &m.name);
                 let name = name.map(|name| format!(" ({name})")).next().unwrap_or_default();

@@ -5,10 +5,11 @@ mod play;
 
 use miette::{IntoDiagnostic, miette};
 use motion_request::{MotionRequest, SelectedMotion, choose};
-use play::play;
+use play::{Playing, play};
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::describe::state_name;
 use rollwalk_host::session::SessionError;
+use rollwalk_protocol::library::PlaceCode;
 use rollwalk_protocol::wire::{State, Status};
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::names::NamesArgs;
@@ -35,6 +36,7 @@ Examples:
   rollwalk send --arm drive_1m walk:10 turn_in_place --bus can:can0
   rollwalk send --arm 2 3:4.5 --speed 0.5 --bus serial:/dev/ttyUSB0
   rollwalk send turn_in_place walk --bus sim      # while `rollwalk console --bus sim` holds the robot
+  rollwalk send --arm climb@stairs --at stairs --bus can:can0
 
 Names are those of the library that was built or flashed on this computer; for another, add --library.")]
 pub struct Args {
@@ -51,6 +53,9 @@ pub struct Args {
     /// Fraction of the planned speed, 1/64 to 1.
     #[arg(long, value_name = "PART", default_value = "1", value_parser = speed)]
     speed: i8,
+    /// Place at which the robot stands: permits one motion with this place in its name, such as climb@stairs.
+    #[arg(long, value_name = "PLACE")]
+    at: Option<String>,
 }
 
 /// Parses a fraction of the planned speed, as 64ths.
@@ -58,6 +63,12 @@ fn speed(text: &str) -> Result<i8, String> {
     let part = text.parse().ok().filter(|part: &f64| (1.0 / 64.0..=1.0).contains(part));
     let part = part.ok_or("give a fraction of the planned speed from 0.016 (1/64) to 1")?;
     Ok((part * 64.0).round() as i8)
+}
+
+impl Args {
+    fn playing(&self, holds: bool) -> Playing {
+        Playing { speed_64ths: self.speed, place: self.at.as_deref().map(PlaceCode::named), holds }
+    }
 }
 
 /// Runs the subcommand.
@@ -83,7 +94,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let chosen = args.motions.iter().map(|wanted| choose(wanted, catalog, is_its_own));
     let chosen: Vec<_> = chosen.collect::<miette::Result<_>>()?;
     if !args.arm {
-        return match play(&mut session, args.speed, false, &chosen) {
+        return match play(&mut session, args.playing(false), &chosen) {
             Ok(()) if interrupt::requested() => Ok(Exit::Interrupted),
             Ok(()) => Ok(Exit::Ok),
             Err(error) => Ok(report_failure_on(&args.link, &error, robot.as_ref())),
@@ -117,7 +128,7 @@ fn arm_and_play(
         Err(error) => Err(error),
         Ok(()) => {
             output::print_line("armed");
-            play(session, args.speed, true, chosen)
+            play(session, args.playing(true), chosen)
         }
     };
     session.bus_mut().ignore_interrupts();

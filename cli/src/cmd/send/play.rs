@@ -4,7 +4,7 @@ use super::motion_request::SelectedMotion;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_host::catalog::CatalogMotion;
 use rollwalk_host::session::SessionError;
-use rollwalk_protocol::library::RATE_HZ;
+use rollwalk_protocol::library::{PlaceCode, RATE_HZ, place_of};
 use rollwalk_protocol::wire::{STATUS_PERIOD_MS, State, Status};
 use rollwalk_terminal::link::LiveSession;
 use rollwalk_terminal::{interrupt, output};
@@ -25,6 +25,16 @@ const LEAD_FRAMES: f64 = 4.0;
 /// Tolerance on the requested number of cycles: with cycles of 1.6 s, 3.21 s is two cycles, not three.
 const ROUNDS_TOLERANCE: f64 = 0.01;
 
+/// Options for playing motions.
+pub struct Playing {
+    /// Playback speed, in 64ths of the planned speed.
+    pub speed_64ths: i8,
+    /// Place at which the robot stands before the first motion for a place.
+    pub place: Option<PlaceCode>,
+    /// True if this program is the robot's host.
+    pub holds: bool,
+}
+
 /// Plays all motions in order and waits for the end of each. If another program is the host, returns when the last motion has
 /// begun.
 ///
@@ -32,15 +42,17 @@ const ROUNDS_TOLERANCE: f64 = 0.01;
 /// Returns an error of the session, or an error if the robot has stopped.
 pub fn play(
     session: &mut LiveSession,
-    speed_64ths: i8,
-    holds: bool,
+    Playing { speed_64ths, mut place, holds }: Playing,
     all: &[SelectedMotion<'_>],
 ) -> Result<(), SessionError> {
     for (chosen, left) in all.iter().zip((0..all.len()).rev()) {
         if interrupt::requested() {
             break;
         }
-        let ack = session.select_at(chosen.code, speed_64ths)?;
+        let ack = session.select_from(place, chosen.code, speed_64ths)?;
+        // Without a catalog, any motion may begin at the place, and leaves it.
+        place = place
+            .filter(|_| chosen.motion.is_some_and(|(_, motion)| place_of(&motion.name).is_none()));
         let begins_s = f64::from(ack.value) / f64::from(RATE_HZ);
         if left == 0 && !holds {
             output::print_line(format_args!("{} begins in {begins_s:.2} s", chosen.name()));
