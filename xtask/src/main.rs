@@ -14,7 +14,7 @@
 //! | [`docs`] | builds the site of the documents |
 //! | [`exports`] | checks exports with the programs that read them |
 //! | [`mod@replay`] | replays plans in MuJoCo |
-//! | [`measured`] | writes the pages of measurements |
+//! | [`measured`], [`fatrop`] | write the pages of measurements |
 //! | [`agreement`] | compares verdicts of random requests, and of imported robots, with MuJoCo |
 //! | [`vcan`] | runs a command on a machine with SocketCAN |
 
@@ -32,6 +32,7 @@ mod docs;
 mod explore;
 mod exports;
 mod extent;
+mod fatrop;
 mod fuzz;
 mod fuzz_log;
 mod hostile;

@@ -2,7 +2,7 @@
 //! processor, compiler and verdict.
 
 use crate::docs::reference;
-use crate::{replay, shell, workspace};
+use crate::{fatrop, replay, shell, workspace};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ const BENCHMARKS: (&str, &str) = ("apps/bench", "rollwalk-bench");
 /// Options of `cargo xtask measured`.
 #[derive(clap::Args)]
 pub struct Options {
-    /// Pages to write: the benchmarks of `rollwalk bench`, replay, tracked, retargeted and identified. All by default.
+    /// Pages to write: the benchmarks of `rollwalk bench`, replay, tracked, retargeted, identified and fatrop. All by default.
     #[arg(value_name = "PAGE")]
     pages: Vec<String>,
     /// URDF files of robots that `replay` and `tracked` also import and play.
@@ -37,6 +37,7 @@ struct Page {
 enum Source {
     Benchmark,
     Replay(replay::Table),
+    Fatrop,
 }
 
 /// Result of a measurement.
@@ -74,6 +75,7 @@ pub fn write(options: &Options) -> Result<(), String> {
         let measured = match page.source {
             Source::Benchmark => benchmark(&program, &page.name)?,
             Source::Replay(table) => replay::measure(table, &options.urdf)?,
+            Source::Fatrop => fatrop::measure(&program)?,
         };
         let path = folder.join(format!("{}.md", page.name));
         let text = written(page, &measured, &Origin::now()?);
@@ -93,7 +95,12 @@ fn pages(help: &str) -> Vec<Page> {
         title: table.title().into(),
         source: Source::Replay(table),
     });
-    benchmarks.chain(replays).collect()
+    let fatrop = Page {
+        name: "fatrop".into(),
+        title: "CPU time of the planner and of fatrop".into(),
+        source: Source::Fatrop,
+    };
+    benchmarks.chain(replays).chain([fatrop]).collect()
 }
 
 /// Runs a benchmark. Its page consists of the Markdown that it writes and its charts, which are copied into the same folder.
@@ -195,7 +202,7 @@ mod tests {
         let names: Vec<_> = pages.iter().map(|page| page.name.as_str()).collect();
         assert_eq!(
             names,
-            ["table-2-1", "samples", "replay", "tracked", "retargeted", "identified"]
+            ["table-2-1", "samples", "replay", "tracked", "retargeted", "identified", "fatrop"]
         );
         assert_eq!(pages[0].title, "Table 2.1: its motions twice");
     }
