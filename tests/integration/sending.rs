@@ -241,11 +241,11 @@ fn after_a_killed_host_doctor_advises_to_wait_and_clear() {
 fn a_motion_that_never_begins_beside_a_host_is_5() {
     let desk = desk_with_library_file();
     desk.edit("rest.toml", "at_rest", "periodic");
-    // Starting two programs takes seconds on a busy computer.
-    desk.edit("rest.toml", "duration_s = 0.6", "duration_s = 15.0");
+    // Starting two programs takes many seconds on a busy computer.
+    desk.edit("rest.toml", "duration_s = 0.6", "duration_s = 60.0");
     let (_robot, bus) = robot(&desk);
     let mut link = listener(&desk);
-    let host = start(&desk, &bus, &["send", "--arm", "rest:60"]);
+    let host = start(&desk, &bus, &["send", "--arm", "rest:600"]);
     wait_for(&mut link, State::Playing);
     // The motion would begin after the end of the loop's cycle.
     let send = start(&desk, &bus, &["send", "stand"]);
