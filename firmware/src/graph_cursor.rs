@@ -156,7 +156,7 @@ impl GraphCursor {
         known.copied().or_else(|| Entry::new(library, clip, frame).ok())
     }
 
-    /// Checks a portion of the next entries.
+    /// Validates one more portion of the blocks at which playback may enter the next clips.
     fn check_ahead(&mut self, library: &Library<'_>) {
         if self.cursor.is_checked_ahead() {
             let _ = self.entries.iter_mut().flatten().any(|entry| entry.check_a_portion(library));

@@ -11,7 +11,7 @@ pub fn solve(plan: &Plan, project: &Project<'_>, in_full: bool) -> Solve {
     let culprits = plan.solve.diagnosis.iter().flat_map(|diagnosis| &diagnosis.culprits);
     let mut words = words(&plan.solve, in_full);
     if !plan.motion.timing.is_given() && plan.solve.timing.is_none() {
-        words += " Planned with the given times; `rollwalk plan` and libraries choose them as `timing` requests.";
+        words += " The studio uses the given times; `rollwalk plan` and `rollwalk library build` optimise them according to `timing`.";
     }
     Solve {
         status,

@@ -69,7 +69,7 @@ def _ways(track):
 
 
 def _path(motion, track):
-    """Distance of the base from its planned path within a period, and width of its lateral motion relative to the plan."""
+    """RMS distance of the base from its planned path, m, and ratio of its lateral range to the planned range."""
     periods = list(zip(track.marks, track.marks[1:]))
     periods = periods[FIRST - 1 : LAST] if motion.periodic else periods
     heading = yaw_matrix(motion.base(0.0)[1][0])[:2, :2]

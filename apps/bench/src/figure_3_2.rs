@@ -70,11 +70,11 @@ pub fn run(only: &RowFilter) -> miette::Result<Option<Findings>> {
             chart::logarithmic(&labels, &curves),
         ));
     }
-    let text = "The thesis reports a trot in 5 s with the warm start against 9.5 s without, and no \
-         walk within a minute without.\nHere Gauss-Newton with multipliers plans both from \
-         standing in fewer iterations than the warm start itself takes; the warm start helps if \
-         standing\nends in a bad minimum. Iterations of the warm start include those of its four \
-         steps.";
+    let text = "The thesis reports a trot in 5 s with the warm start and in 9.5 s without it, and no \
+         walk within a minute without it.\nHere Gauss-Newton with multipliers plans both gaits \
+         from the standing pose in fewer iterations than the warm start needs;\nthe warm start \
+         helps if the standing pose leads to a bad local minimum. Its iterations include those of \
+         its four steps.";
     let blocks = vec![Block::Table(table), Block::Text(text.into())];
     Ok(Some(Findings { charts, ..Findings::new("figure-3-2", blocks, &rows) }))
 }

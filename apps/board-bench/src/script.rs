@@ -98,10 +98,10 @@ impl<C: Core> Core for Recording<C> {
                 self.script.steps.push((step, stepped));
             }
             Some(expected) if expected == stepped => {}
-            Some(_) => {
+            Some(expected) => {
                 let why = format!(
-                    "unexpected answer {stepped:?} in a step that a board does not \
-                    execute: {step:?}"
+                    "the board skips step {step:?}, so that {expected:?} was expected, but the \
+                    firmware answered {stepped:?}"
                 );
                 return Err(LinkError::Down(why));
             }

@@ -37,7 +37,9 @@ pub enum TrackingError {
     #[error("a second recovery followed directly on the first; the plan continues in open loop")]
     Stumbled,
     /// Stop after 0.1 s without tracking. The robot comes to rest and does not resume.
-    #[error("the robot was not tracked for {LOST_S} s and stops; start the motion again")]
+    #[error(
+        "the tracking controller had no set-points for {LOST_S} s, so that the robot stops; start the motion again"
+    )]
     Stopped,
 }
 

@@ -29,7 +29,7 @@ pub struct NormalEquations {
     sorted: Vec<f64>,
 }
 
-/// Fronts, with the destinations of rows in them. Only the pattern of the rows determines them.
+/// Fronts, and the position of each row in its front. Both depend on the sparsity pattern of the rows alone.
 struct Elimination {
     fronts: Fronts,
     units: Units,

@@ -139,7 +139,7 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
             1.0,
             (
                 3.0,
-                "after the cube has landed, the gripper cannot change this distance; with a larger weight the result differs, as the next rows show",
+                "the gripper cannot move the cube after it has landed; the next rows have larger weights of position in the objective",
             ),
         ),
         Check::informative("distance after landing, mm", "", off_mm(&landed)),

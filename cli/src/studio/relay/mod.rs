@@ -25,7 +25,7 @@ use tungstenite::{Error, Message, WebSocket};
 
 /// Maximum size of a message of the page, bytes.
 const MESSAGE_MAX: usize = 64 * 1024;
-/// Maximum size of messages that wait for the page, bytes. A page beyond it no longer reads.
+/// Maximum total size of messages queued for the page, bytes. If more are queued, the page counts as hung.
 const UNREAD_MAX: usize = 1024 * 1024;
 /// Maximum wait for a frame of the bus before messages of the page are read, µs.
 const LOOK_US: u64 = 2_000;

@@ -101,7 +101,7 @@ pub struct SyncWrite {
 }
 
 impl SyncWrite {
-    /// Creates an empty write of `bytes` bytes from `address` up.
+    /// Creates a write without servos. Each servo that is added receives `bytes` bytes, from register `address` upwards.
     pub fn new(address: u16, bytes: u16) -> Self {
         let mut parameters = Vec::new();
         let _ = append(&mut parameters, &address.to_le_bytes());

@@ -123,7 +123,7 @@ impl ShutdownCheck {
                 self.require_torque_off(
                     at,
                     way_home + damping,
-                    "after it began to return to SAFE for a fault",
+                    "after the robot began to return to SAFE because of a fault",
                 );
             }
             State::Damped => self.require_torque_off(at, damping, "after damping began"),
