@@ -64,6 +64,8 @@ pub struct Problem {
     pub at_rest: bool,
     /// Flags of the slot entries that are not optimised: `[slot][variable]`.
     pub frozen: Vec<Vec<bool>>,
+    /// Place of the base at the first sample.
+    pub start: Placement,
     /// True if the placement (D, ψ) is optimised.
     pub placement_free: bool,
     /// Flags of the end effectors whose wheel is welded to its link or held still.
@@ -181,6 +183,7 @@ impl Problem {
             periodic,
             at_rest: motion.ends == Ends::AtRest,
             frozen: vec![vec![false; layout.len]; samples],
+            start: Placement::default(),
             placement_free: periodic,
             held: motion.still_wheels(model.robot()),
             reserve: motion.reserve,
@@ -246,6 +249,7 @@ impl Problem {
             periodic: false,
             at_rest: false,
             frozen,
+            start: Placement::default(),
             placement_free: true,
             held: motion.still_wheels(model.robot()),
             reserve: motion.reserve,

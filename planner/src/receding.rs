@@ -10,6 +10,9 @@
 //!   from their height and rate. A foot that has landed early stands.
 //! * **End.** The end has no constraints. Costs draw velocity and yaw rate to the requested ones in all intervals
 //!   (`Family::Steering`), and the posture to that of the gait. The robot can thus continue or stop from there.
+//! * **Ground** may be a terrain or a sensed map ([`HorizonGround`]), and may be exchanged between two plans. End effectors that
+//!   stand keep their height, and swings in their second half keep their foothold (`footholds`). Plans on such ground are in
+//!   world axes.
 //! * **Time** is limited by the caller. The callback stops the solve, which returns the best samples so far.
 //!
 //! A [`Course`] plays horizons one after the other without feedback, as set-points.
@@ -20,7 +23,9 @@
 
 mod course;
 mod error;
+mod footholds;
 mod gait;
+mod ground;
 mod measured;
 mod schedule;
 mod start;
@@ -30,24 +35,27 @@ pub use course::{Course, CourseError, Frame, Stretch};
 pub use error::HorizonError;
 use gait::base_placement;
 pub use gait::{Gait, GaitError};
+pub use ground::HorizonGround;
 
 use crate::families::Family;
 use crate::formulation::rows::Rows;
 use crate::formulation::{Selection, Structure, System};
-use crate::motion::{Ends, Goal, Motion};
-use crate::plan::{Plan, SolveStart, SolveSummary, StartKind, Status};
+use crate::motion::{Ends, Footing, Goal, Motion, Stand};
+use crate::plan::{Placement, Plan, SolveStart, SolveSummary, StartKind, Status};
 use crate::planning::write_plan;
+use crate::problem::variables::Layout;
 use crate::problem::{HorizonGoal, Problem, Unknowns, Weights};
 use crate::solve::normal::NormalEquations;
 use crate::solve::{ACCEPTED_LEVEL, Point, Progress, Settings, SolveMode, SolveOutcome, Solver};
 use crate::start::guess;
 use crate::torque;
+use footholds::{Footholds, Landing};
 use nalgebra::Isometry3;
 use rollwalk_multibody::euler::Model;
-use rollwalk_multibody::ground::ElevationMap;
-use rollwalk_multibody::{Kinematics, RimContact, State, Tree};
+use rollwalk_multibody::{Frames, Kinematics, RimContact, State, Tree};
 use rollwalk_robot::Robot;
 use schedule::{ContactState, Schedule};
+use start::InitialState;
 use std::collections::HashMap;
 use std::fmt;
 use std::ops::ControlFlow;
@@ -63,7 +71,7 @@ pub struct Steering {
     pub turn_rad_s: f64,
 }
 
-/// Measured state in the world, whose plane z = 0 is the ground.
+/// Measured state in the world. Level ground is its plane z = 0.
 #[derive(Clone, Copy, Debug)]
 pub struct MeasuredState<'a> {
     /// Pose and velocity, in the coordinates of [`Horizon::tree`].
@@ -99,8 +107,8 @@ impl Default for HorizonOptions {
 /// Plan of a horizon.
 #[derive(Clone, Debug)]
 pub struct HorizonPlan {
-    /// Plan that begins at the origin of its world with heading 0. The plan's solve summary contains the status and the worst
-    /// constraint.
+    /// Plan. On level ground it begins at the origin of its world with heading 0. The plan's solve summary contains the status
+    /// and the worst constraint.
     pub plan: Plan,
     /// Pose of the plan's world in the world.
     pub world_from_plan: Isometry3<f64>,
@@ -127,8 +135,16 @@ pub struct Horizon {
     samples: usize,
     interval_s: f64,
     schedule: Schedule,
-    kept: HashMap<Vec<Vec<bool>>, ReusedSolve>,
+    ground: HorizonGround,
+    /// Ground for the present gait.
+    footing: Footing,
+    /// Planned landing of each end effector.
+    landings: Vec<Option<Landing>>,
+    kept: HashMap<RowPattern, ReusedSolve>,
 }
+
+/// Rows of a problem: number of borders of each contact in stance, `[sample][end effector]`; `None` in swing.
+type RowPattern = Vec<Vec<Option<usize>>>;
 
 impl fmt::Debug for Horizon {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -168,6 +184,9 @@ impl Horizon {
             options,
             samples,
             interval_s,
+            ground: HorizonGround::Level,
+            footing: Footing::default(),
+            landings: vec![None; robot.end_effectors.len()],
             schedule: Schedule::new(gait, 0),
             kept: HashMap::new(),
         })
@@ -190,7 +209,19 @@ impl Horizon {
     pub fn change_gait(&mut self, gait: Gait, at: u64) -> Result<(), HorizonError> {
         check_gait(&gait, self.model.robot(), self.interval_s)?;
         self.schedule.change(gait, at as i64);
+        let ground = self.ground.clone();
+        self.change_ground(ground);
         Ok(())
+    }
+
+    /// Exchanges the ground for the plans to come. The initial ground is level.
+    pub fn change_ground(&mut self, ground: HorizonGround) {
+        let footing = ground.footing(self.model.robot(), &self.schedule.gait.motion);
+        if footing.has_edges() != self.footing.has_edges() || footing.is_level() != self.is_level()
+        {
+            self.kept.clear();
+        }
+        (self.ground, self.footing) = (ground, footing);
     }
 
     /// Plans from a measured state at sample `at`. Samples count from 0 at the creation of the horizon.
@@ -208,13 +239,46 @@ impl Horizon {
     ) -> Result<HorizonPlan, HorizonError> {
         self.check(measured, steering)?;
         let at = at as i64;
-        let stands =
-            &self.schedule.from(at, self.samples, &self.contact_states(measured)).stance[0];
-        let state = measured::on_contacts(&self.tree, self.ground(), measured.state, stands);
+        let ground = self.footing.with_stands(self.stands(measured));
+        let schedule = &self.schedule;
+        let places = self.contact_states(&ground, measured, at);
+        let stands = &schedule.from(at, self.samples, &places, !self.is_level()).stance[0];
+        let state = measured::on_contacts(&self.tree, &ground, measured.state, stands);
         // On its contacts, the robot holds a swing foot a little higher or lower.
-        let places = self.contact_states(MeasuredState { state: &state, touches: stands });
-        let footfalls = self.schedule.from(at, self.samples, &places);
-        let world_from_plan = measured::isometry(&measured::over_ground(&state));
+        let on_contacts = MeasuredState { state: &state, touches: stands };
+        let places = self.contact_states(&ground, on_contacts, at);
+        let footfalls = schedule.from(at, self.samples, &places, !self.is_level());
+        let place = measured::over_ground(&state);
+        // Terrain is in world axes, and plans on it are, too.
+        let (world_from_plan, from) = match self.is_level() {
+            true => (measured::isometry(&place), Placement::default()),
+            false => (Isometry3::identity(), place),
+        };
+        let wanted = [steering.forward_m_s, steering.left_m_s, steering.turn_rad_s];
+        let of_interval = |i: usize| {
+            let sway = self.sway(at + i as i64);
+            [0, 1, 2].map(|c| wanted[c] + sway[c])
+        };
+        let steering: Vec<_> = (0..self.samples - 1).map(of_interval).collect();
+        let (interval_s, samples) = (self.interval_s, self.samples);
+        let path = |velocity| start::path(&steering, velocity, from, interval_s, samples + 1);
+        let (contacts, landings) = match self.is_level() {
+            true => (None, self.landings.clone()),
+            false => {
+                let footholds = Footholds {
+                    tree: &self.tree,
+                    layout: &Layout::new(&self.model),
+                    gait: &schedule.gait,
+                    ground: &ground,
+                    path: &path(measured::heading_velocity(&state)),
+                    at,
+                    phase: schedule.phase(at),
+                    landings: &self.landings,
+                };
+                let (contacts, landings) = footholds.assign(&state, &footfalls);
+                (Some(contacts), landings)
+            }
+        };
         let motion = Motion {
             name: "horizon".into(),
             duration_s: (self.samples - 1) as f64 * self.interval_s,
@@ -223,24 +287,48 @@ impl Horizon {
             targets: Vec::new(),
             heights: Vec::new(),
             stance: footfalls.stance,
-            ..self.schedule.gait.motion.clone()
+            ground,
+            ..schedule.gait.motion.clone()
         };
-        let wanted = [steering.forward_m_s, steering.left_m_s, steering.turn_rad_s];
-        let of_interval = |i: usize| {
-            let sway = self.sway(at + i as i64);
-            [0, 1, 2].map(|c| wanted[c] + sway[c])
-        };
-        let steering = (0..self.samples - 1).map(of_interval).collect();
-        let goal = HorizonGoal { height_m: footfalls.height_m, steering };
-        let problem =
+        let (height_m, steering) = (footfalls.height_m, steering.clone());
+        let goal = HorizonGoal { start: from, height_m, steering, contacts };
+        let mut problem =
             Problem::horizon(self.model.clone(), &motion, goal, self.options.weights.clone());
-        let beginning =
-            measured::beginning(&problem, &self.tree, state.moved(&world_from_plan.inverse()));
-        let gait = &self.schedule.gait;
-        let start = start::from_gait(&problem, gait, self.schedule.phase(at), &beginning);
-        let (unknowns, solve) = self.solve(&problem, &motion.stance, start, progress);
+        let state = state.moved(&world_from_plan.inverse());
+        let beginning = measured::beginning(&problem, &self.tree, state);
+        if !self.is_level() {
+            begin_swings(&mut problem, &beginning);
+        }
+        let path = path(beginning.heading_velocity(interval_s, &from));
+        let gait = &schedule.gait;
+        let start = start::from_gait(&problem, gait, schedule.phase(at), &path, &beginning);
+        let (unknowns, solve) = self.solve(&problem, start, progress);
         let plan = write_plan(&problem, &motion, &unknowns, solve);
-        Ok(HorizonPlan { plan, world_from_plan })
+        let found = HorizonPlan { plan, world_from_plan };
+        if found.is_accepted() {
+            self.landings = landings;
+        }
+        Ok(found)
+    }
+
+    fn is_level(&self) -> bool {
+        self.footing.is_level()
+    }
+
+    /// Ground through the contact points of end effectors on the ground, whatever the map says.
+    fn stands(&self, MeasuredState { state, touches }: MeasuredState<'_>) -> Vec<Option<Stand>> {
+        if self.is_level() {
+            return Vec::new();
+        }
+        let frames = Frames::new(&self.tree, &state.configuration());
+        let stand = |(j, &touches): (usize, &bool)| {
+            let end = &self.tree.robot().end_effectors[j];
+            let center = frames.point(end.link, &end.center_in_link_m);
+            let map = self.footing.contact(j, true, &center);
+            let contact = RimContact::on(&self.tree, &frames, j, &map).filter(|_| touches)?;
+            Some(Stand::new(map, contact.position(), end.radius_m))
+        };
+        touches.iter().enumerate().map(stand).collect()
     }
 
     /// Sway of the gait in the interval after a sample ([`Gait`]).
@@ -258,13 +346,13 @@ impl Horizon {
     fn solve(
         &mut self,
         problem: &Problem,
-        stance: &[Vec<bool>],
         mut unknowns: Unknowns,
         progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> (Unknowns, SolveSummary) {
         let Self { options, kept, samples, .. } = self;
         problem.add_up(&mut unknowns);
-        let known = kept.remove(stance).and_then(|ReusedSolve { structure, normal, rows }| {
+        let pattern = row_pattern(problem);
+        let known = kept.remove(&pattern).and_then(|ReusedSolve { structure, normal, rows }| {
             let (system, rows) = System::again(problem, &unknowns, structure, rows)?;
             Some((system, rows, normal))
         });
@@ -279,14 +367,14 @@ impl Horizon {
         let (best, outcome, normal, rows) = iterate(solver, &options.settings, progress);
         let Best { mut unknowns, worst_level, worst_constraint } = best;
         let after = &mut unknowns.slots[*samples + 1];
-        guess::follow_kinematics(&problem.model, &problem.layout, &problem.ground, after);
+        guess::follow_contacts(problem, *samples + 1, after);
         unknowns.placement = base_placement(&unknowns.slots[*samples - 1]);
         if system.fits() {
             if kept.len() >= MOST_KEPT {
                 kept.clear();
             }
             let structure = system.into_structure();
-            kept.insert(stance.to_vec(), ReusedSolve { structure, normal, rows });
+            kept.insert(pattern, ReusedSolve { structure, normal, rows });
         }
         let summary = SolveSummary {
             status: outcome.status,
@@ -302,27 +390,27 @@ impl Horizon {
         (unknowns, summary)
     }
 
-    /// Ground of the gait. The ground is level, because horizons begin elsewhere than their gait.
-    fn ground(&self) -> &ElevationMap {
-        self.schedule.gait.motion.ground.body()
-    }
-
-    /// Heights of the contact points above the ground, with their rates.
+    /// Heights of the contact points above the ground at sample `at`, with their rates. End effectors in swing have heights above
+    /// the envelope of swings.
     fn contact_states(
         &self,
+        ground: &Footing,
         MeasuredState { state, touches }: MeasuredState<'_>,
+        at: i64,
     ) -> Vec<ContactState> {
         let mut kinematics = Kinematics::new(&self.tree, &state.configuration());
         kinematics.update(&self.tree, &state.configuration(), &state.velocity);
-        let ground = self.ground();
         let place = |(j, &touches): (usize, &bool)| {
-            let contact = RimContact::on(&self.tree, &kinematics.frames, j, ground);
+            let end = &self.tree.robot().end_effectors[j];
+            let center = kinematics.frames.point(end.link, &end.center_in_link_m);
+            let map = ground.contact(j, touches || self.schedule.stands(at, j), &center);
+            let contact = RimContact::on(&self.tree, &kinematics.frames, j, &map);
             // A wheel whose axis is vertical has no lowest point, and touches nothing.
             let at = contact.map(|of| {
                 let (position, velocity) =
                     (of.position(), of.motion(&kinematics).geometric_velocity);
-                let rises_m_s = ground.at(&position).upward().dot(&velocity);
-                [ground.height_above_m(&position), rises_m_s]
+                let rises_m_s = map.at(&position).upward().dot(&velocity);
+                [map.height_above_m(&position), rises_m_s]
             });
             let [height_m, rises_m_s] = at.unwrap_or_default();
             ContactState { touches: touches && at.is_some(), height_m, rises_m_s }
@@ -359,6 +447,25 @@ impl Horizon {
         }
         Ok(())
     }
+}
+
+/// Sets the heights of swings at the first sample, which is given, to the heights of their end effectors.
+fn begin_swings(problem: &mut Problem, beginning: &InitialState) {
+    for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
+        if !problem.stance[1][j] {
+            let contact = beginning.at.fixed_rows::<3>(ee.position).into();
+            let height_m = problem.contacts[1][j].map.height_above_m(&contact);
+            (problem.height_m[0][j], problem.height_m[1][j]) = (height_m, height_m);
+        }
+    }
+}
+
+fn row_pattern(problem: &Problem) -> RowPattern {
+    let row = |t: usize| {
+        let contacts = problem.stance[t].iter().zip(&problem.contacts[t]);
+        contacts.map(|(stands, contact)| stands.then_some(contact.borders.len())).collect()
+    };
+    (1..=problem.samples).map(row).collect()
 }
 
 /// Checks that a gait has the feet and joints of the robot and the spacing of the horizon.

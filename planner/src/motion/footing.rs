@@ -7,62 +7,36 @@
 //! - Swings follow an envelope, the highest ground within their reach.
 //! - The body follows the mean ground below the robot.
 //! - Links keep their distance from the terrain itself.
+//!
+//! A sensed elevation map gets the same maps (`mapped`). A foot that stands keeps the height of its foothold (`stand`).
 
+mod mapped;
+mod margins;
+mod patch;
+mod stand;
+
+pub use margins::ContactMargins;
+pub(super) use margins::standing_height_m;
+pub use patch::{Border, Patch};
+pub use stand::Stand;
+
+use mapped::{Mapped, Steppable};
+use margins::{DISC, WHEEL_DEVIATION, body_deviation_m, swing_deviation_m};
 use nalgebra::{Rotation2, Vector2, Vector3};
-use rollwalk_multibody::euler::{BASE_POSITION, Model};
 use rollwalk_multibody::ground::file::Shape;
 use rollwalk_multibody::ground::obstacle::Obstacle;
 use rollwalk_multibody::ground::{
-    Contour, ElevationMap, Filter, Ground, HeightField, Profile, Terrain, Tread,
+    Contour, ElevationGrid, ElevationMap, FieldError, Filter, Ground, HeightField, Profile,
+    Terrain, Tread,
 };
 use rollwalk_robot::Robot;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Distances between contacts and the edges of a terrain.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ContactMargins {
-    /// Distance of footholds from edges that drop, m.
-    pub margin_m: f64,
-    /// Distance from a wall at which a swing is above it, m. Must be at least the distance that a foot covers in one sample.
-    pub swing_reach_m: f64,
-}
-
-/// Ratio of the default margin to the standing height.
-const MARGIN: f64 = 0.13;
-/// Ratio of the default reach of a swing to the standing height.
-const SWING_REACH: f64 = 0.17;
-/// Ratio of the standard deviation that smooths a swing's envelope to the reach of the swing.
-const SWING_DEVIATION: f64 = 0.25;
-/// Ratio of the radius of the rolling disc to that of the wheel. A disc of the wheel's own radius would stop where it touches
-/// floor and wall, and the contact point would be undetermined there.
-const DISC: f64 = 1.2;
-/// Ratio of the standard deviation that smooths the ground under wheels to their radius.
-const WHEEL_DEVIATION: f64 = 0.15;
-/// Ratio of the standard deviation of the mean ground below the body to the distance between end effectors.
-const BODY_DEVIATION: f64 = 2.0 / 3.0;
 /// Ratio of the distance of footholds from a kink without a wall to the margin.
 const KINK: f64 = 1.0 / 3.0;
 /// Height difference above which a border between two treads is a wall, m.
 const WALL_M: f64 = 0.002;
-
-impl ContactMargins {
-    /// Default margins for a robot.
-    pub fn of(robot: &Robot) -> Self {
-        let height_m = standing_height_m(robot);
-        Self { margin_m: MARGIN * height_m, swing_reach_m: SWING_REACH * height_m }
-    }
-}
-
-/// Height of the body in the nominal posture, m.
-pub(super) fn standing_height_m(robot: &Robot) -> f64 {
-    Model::new(robot).standing_q(&nominal_rad(robot))[BASE_POSITION + 2].abs()
-}
-
-fn nominal_rad(robot: &Robot) -> Vec<f64> {
-    robot.joints.iter().map(|joint| joint.nominal_rad).collect()
-}
 
 /// Ground of a motion.
 #[derive(Clone, Debug, PartialEq)]
@@ -101,39 +75,17 @@ pub struct TerrainMaps {
     envelopes: Vec<ElevationMap>,
     /// Treads with their borders, for each end effector that steps. Empty on smooth terrain.
     patches: Vec<Vec<Patch>>,
+    /// Steppable cells of an elevation map, for each end effector; `None` for one that only rolls. Empty for terrain files.
+    steppable: Vec<Option<Arc<Steppable>>>,
+    /// Footholds of end effectors that stand at present. Empty for motions from rest.
+    stands: Vec<Option<Stand>>,
 }
 
 impl PartialEq for TerrainMaps {
-    /// Compares terrain and patches. The maps follow from both.
+    /// Compares terrain, patches and footholds. The maps follow from them.
     fn eq(&self, other: &Self) -> bool {
-        self.terrain == other.terrain && self.patches == other.patches
-    }
-}
-
-/// Part of a terrain on which a foot may stand.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Patch {
-    /// Plane of the patch.
-    pub plane: ElevationMap,
-    /// Borders, at the margin from the edges.
-    pub borders: Vec<Border>,
-}
-
-/// Border of a patch: contact points e satisfy n·e ≤ d.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Border {
-    /// Unit normal n, out of the patch.
-    pub outward: Vector2<f64>,
-    /// Distance d of the border from the origin along its normal, m.
-    pub at_m: f64,
-}
-
-impl Patch {
-    /// Returns the point of the patch that is nearest to a point.
-    pub fn nearest(&self, point: &Vector2<f64>) -> Vector2<f64> {
-        let over =
-            |border: &Border| border.outward * (border.outward.dot(point) - border.at_m).max(0.0);
-        point - self.borders.iter().map(over).sum::<Vector2<f64>>()
+        let Self { terrain, patches, stands, .. } = self;
+        (terrain, patches, stands) == (&other.terrain, &other.patches, &other.stands)
     }
 }
 
@@ -153,8 +105,61 @@ impl Footing {
             patches.push(if rolls { Vec::new() } else { maps.patches(radius_m) });
         }
         let (body, solid, bare) = (maps.body(), terrain.solid(), terrain.ground());
-        let maps = TerrainMaps { terrain, solid, bare, body, rolled, envelopes, patches };
+        let (steppable, stands) = (Vec::new(), Vec::new());
+        let maps = TerrainMaps {
+            terrain,
+            solid,
+            bare,
+            body,
+            rolled,
+            envelopes,
+            patches,
+            steppable,
+            stands,
+        };
         Self::Terrain(Arc::new(maps))
+    }
+
+    /// Ground of a robot on a sensed elevation map. Flags of `rolls` are set for the end effectors that never leave the ground.
+    ///
+    /// # Errors
+    /// Returns an error if the grid has fewer than four cells along an axis.
+    pub fn mapped(
+        sensed: &ElevationGrid,
+        margins: &ContactMargins,
+        robot: &Robot,
+        rolls: &[bool],
+    ) -> Result<Self, FieldError> {
+        let Mapped { field, body, rolled, envelopes, steppable } =
+            Mapped::new(sensed, margins, robot, rolls)?;
+        let (toml, obstacles) = (String::new(), Vec::new());
+        let terrain = Terrain { toml, shape: Shape::Field(field), heading_rad: 0.0, obstacles };
+        let (solid, bare) = (terrain.solid(), terrain.ground());
+        let (patches, stands) = (vec![Vec::new(); robot.end_effectors.len()], Vec::new());
+        let maps = TerrainMaps {
+            terrain,
+            solid,
+            bare,
+            body,
+            rolled,
+            envelopes,
+            patches,
+            steppable,
+            stands,
+        };
+        Ok(Self::Terrain(Arc::new(maps)))
+    }
+
+    /// Ground with the footholds of end effectors that stand; `None` for end effectors in the air. Level ground has none.
+    pub fn with_stands(&self, stands: Vec<Option<Stand>>) -> Self {
+        match self {
+            Self::Smooth(_) => self.clone(),
+            Self::Terrain(maps) => {
+                let mut maps = maps.as_ref().clone();
+                maps.stands = stands;
+                Self::Terrain(Arc::new(maps))
+            }
+        }
     }
 
     /// Returns true if the ground has constant height.
@@ -177,7 +182,8 @@ impl Footing {
 
     /// Returns true if the ground has edges, so that footholds and swings need rows of their own.
     pub fn has_edges(&self) -> bool {
-        self.terrain().is_some_and(|terrain| matches!(terrain.shape, Shape::Profile(_)))
+        let Self::Terrain(maps) = self else { return false };
+        !maps.steppable.is_empty() || matches!(maps.terrain.shape, Shape::Profile(_))
     }
 
     /// Solid of the terrain, for simulations; `None` for ground without a terrain.
@@ -196,25 +202,41 @@ impl Footing {
         }
     }
 
-    /// Ground at the contact of end effector `j`, in stance or swing, near a point.
-    pub fn contact(&self, j: usize, stands: bool, near: &Vector3<f64>) -> ElevationMap {
+    /// Ground at the contact of end effector `j` with this centre, in stance or swing.
+    pub fn contact(&self, j: usize, stands: bool, center_m: &Vector3<f64>) -> ElevationMap {
         match self {
             Self::Smooth(map) => map.clone(),
             Self::Terrain(maps) if !stands => maps.envelopes[j].clone(),
-            Self::Terrain(maps) => match (&maps.rolled[j], self.patch(j, &near.xy())) {
-                (Some(map), _) => map.clone(),
-                (None, Some(patch)) => patch.plane.clone(),
-                (None, None) => maps.envelopes[j].clone(),
-            },
+            Self::Terrain(maps) => {
+                let planned = self.in_stance(j, &center_m.xy());
+                let stand = maps.stands.get(j).and_then(Option::as_ref);
+                let stand = stand.filter(|stand| stand.is_below(center_m, &planned));
+                stand.map_or(planned, Stand::map)
+            }
+        }
+    }
+
+    /// Ground in a stance of end effector `j` that begins near a point.
+    fn in_stance(&self, j: usize, near: &Vector2<f64>) -> ElevationMap {
+        match self {
+            Self::Smooth(map) => map.clone(),
+            Self::Terrain(maps) => {
+                let steppable = maps.steppable.get(j).and_then(Option::as_ref);
+                let tread = || nearest(&maps.patches[j], near).map(|patch| patch.plane.clone());
+                let rolled = maps.rolled[j].clone().or_else(|| Some(steppable?.map.clone()));
+                rolled.or_else(tread).unwrap_or_else(|| maps.envelopes[j].clone())
+            }
         }
     }
 
     /// Patch on which end effector `j` stands if its foothold is planned at a point. `None` for end effectors that only roll, and
     /// on ground without edges.
-    pub fn patch(&self, j: usize, near: &Vector2<f64>) -> Option<&Patch> {
+    pub fn patch(&self, j: usize, near: &Vector2<f64>) -> Option<Patch> {
         let Self::Terrain(maps) = self else { return None };
-        let off = |patch: &&Patch| (patch.nearest(near) - near).norm_squared();
-        maps.patches[j].iter().min_by(|a, b| off(a).total_cmp(&off(b)))
+        match maps.steppable.get(j).and_then(Option::as_ref) {
+            Some(steppable) => steppable.patch(near),
+            None => nearest(&maps.patches[j], near).cloned(),
+        }
     }
 
     /// First-order distance of a point from the ground, m, and its gradient.
@@ -227,6 +249,12 @@ impl Footing {
             }
         }
     }
+}
+
+/// Patch with the point that is nearest to a point.
+fn nearest<'a>(patches: &'a [Patch], near: &Vector2<f64>) -> Option<&'a Patch> {
+    let off = |patch: &&Patch| (patch.nearest(near) - near).norm_squared();
+    patches.iter().min_by(|a, b| off(a).total_cmp(&off(b)))
 }
 
 /// Maker of the maps of a terrain.
@@ -258,7 +286,7 @@ impl Maps<'_> {
 
     /// Standard deviation of a swing's envelope, m.
     fn swing_deviation_m(&self) -> f64 {
-        SWING_DEVIATION * self.margins.swing_reach_m
+        swing_deviation_m(self.margins)
     }
 
     fn envelope(&self, radius_m: f64) -> ElevationMap {
@@ -281,23 +309,8 @@ impl Maps<'_> {
         }
     }
 
-    /// Standard deviation of the mean ground below the body, m.
-    fn body_deviation_m(&self) -> f64 {
-        let model = Model::new(self.robot);
-        let pose = model.pose_values(&model.standing_q(&nominal_rad(self.robot)));
-        let along = |axis: usize| {
-            let places = pose.end_effectors.iter().map(|mount| mount.center[axis]);
-            let (least, most) = places
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), at| {
-                    (least.min(at), most.max(at))
-                });
-            most - least
-        };
-        BODY_DEVIATION * along(0).max(along(1)).max(self.margins.swing_reach_m)
-    }
-
     fn body(&self) -> ElevationMap {
-        let deviation_m = self.body_deviation_m();
+        let deviation_m = body_deviation_m(self.robot, self.margins);
         match &self.terrain.shape {
             Shape::Level | Shape::Slope(_) => self.smooth().expect("a plane"),
             Shape::Profile(profile) => self.contour(profile, Filter::Plain, deviation_m),
@@ -437,5 +450,60 @@ mod tests {
             let (distance_m, _) = ground.distance(&(near + Vector3::z() * stance.height_m));
             assert!(distance_m.abs() < 1e-9, "{toml}: {distance_m}");
         }
+    }
+
+    /// Ground of a robot whose feet step, with a kerb of 60 mm at x = 0.31 m.
+    fn kerb(noise_m: f64) -> Footing {
+        let robot = &test_robots::all()[0];
+        let mut rng = fastrand::Rng::with_seed(2);
+        let grid = ElevationGrid::around(Vector2::zeros(), 0.8, 0.02, |at| {
+            (if at.x > 0.31 { 0.06 } else { 0.0 }) + noise_m * 2.0 * (rng.f64() - 0.5)
+        });
+        let rolls = vec![false; robot.end_effectors.len()];
+        Footing::mapped(&grid, &MARGINS, robot, &rolls).unwrap()
+    }
+
+    #[test]
+    fn footholds_keep_their_distance_from_edges_and_walls() {
+        let robot = &test_robots::all()[0];
+        let below_m = MARGINS.swing_reach_m + robot.end_effectors[0].radius_m;
+        for ground in [kerb(0.0), kerb(0.004)] {
+            assert!(ground.has_edges() && !ground.is_level());
+            for (near_m, range_m, height_m) in [
+                (0.0, -0.01..=0.01, 0.0),
+                (0.33, 0.31 + 0.03..=0.31 + 0.09, 0.06),
+                (0.27, 0.31 - below_m - 0.09..=0.31 - below_m, 0.0),
+                (0.6, 0.59..=0.61, 0.06),
+            ] {
+                let near = Vector2::new(near_m, 0.1);
+                let patch = ground.patch(0, &near).unwrap();
+                let place = patch.nearest(&near);
+                assert!(range_m.contains(&place.x), "{near_m}: {place:?}");
+                let found_m = patch.plane.at(&place.push(0.0)).height_m;
+                assert!((found_m - height_m).abs() < 0.004, "{near_m}: {found_m}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_foothold_keeps_its_height_when_the_map_is_exchanged() {
+        let (before, after) = (kerb(0.0), kerb(0.004));
+        let robot = &test_robots::all()[0];
+        let radius_m = robot.end_effectors[0].radius_m;
+        let place = Vector2::new(0.1, 0.05);
+        let height_m = before.contact(0, true, &place.push(radius_m)).at(&place.push(0.0)).height_m;
+        let contact = place.push(height_m + 0.007);
+        let center = contact + Vector3::z() * radius_m;
+        let map = after.contact(0, true, &center);
+        let mut stands = vec![None; robot.end_effectors.len()];
+        stands[0] = Some(Stand::new(map, contact, radius_m));
+        let kept = after.with_stands(stands);
+        let above_m =
+            |ground: &Footing, j| ground.contact(j, true, &center).height_above_m(&contact);
+        assert!(above_m(&kept, 0).abs() < 1e-12);
+        assert_eq!(above_m(&kept, 1), above_m(&after, 1));
+        // The next stance is on the kerb.
+        let next = Vector3::new(0.4, 0.05, 0.3);
+        assert_eq!(kept.contact(0, true, &next), after.contact(0, true, &next));
     }
 }

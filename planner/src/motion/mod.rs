@@ -20,7 +20,7 @@ mod wheels;
 
 pub use choreography::{HeightLimit, Subject, Target};
 pub use footfall::gaits;
-pub use footing::{Border, ContactMargins, Footing, MotionTerrain, Patch};
+pub use footing::{Border, ContactMargins, Footing, MotionTerrain, Patch, Stand};
 pub use moment::Moment;
 pub use patterns::{Pattern, PatternKind};
 pub use timing::{FreeTimes, Timing};

@@ -12,9 +12,8 @@ use rollwalk_multibody::parts::parts;
 const LIMB_SPACING_M: f64 = 0.03;
 
 impl Problem {
-    /// Sets the ground at all contacts, the points that must keep clear of it, and the parts that must keep clear of obstacles.
-    pub(crate) fn assign_footholds(&mut self) {
-        let count = self.layout.end_effectors.len();
+    /// Sets the points that must keep clear of the ground, and the parts that must keep clear of obstacles.
+    pub(super) fn assign_clearance(&mut self) {
         self.clearance_points = self.model.clearance().points().to_vec();
         if self.ground.has_edges() {
             self.clearance_points.extend(self.model.clearance().points_between(LIMB_SPACING_M));
@@ -23,6 +22,12 @@ impl Problem {
         if !self.obstacles.is_empty() {
             self.obstacle_parts = parts(self.model.robot());
         }
+    }
+
+    /// Sets the ground at all contacts, and what keeps clear of ground and obstacles.
+    pub(crate) fn assign_footholds(&mut self) {
+        self.assign_clearance();
+        let count = self.layout.end_effectors.len();
         if self.ground.terrain().is_none() {
             let ground = ContactGround { map: self.ground.body().clone(), ..Default::default() };
             self.contacts = vec![vec![ground; count]; self.timeline.len()];

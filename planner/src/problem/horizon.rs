@@ -2,22 +2,27 @@
 //! velocities.
 
 use super::variables::{Layout, Lift, TimelineSample};
-use super::{Problem, Weights};
+use super::{ContactGround, Problem, Weights};
 use crate::motion::Motion;
+use crate::plan::Placement;
 use rollwalk_multibody::euler::Model;
 
 /// Inputs of a horizon.
 #[derive(Clone, Debug)]
 pub struct HorizonGoal {
+    /// Place of the base at the first sample.
+    pub start: Placement,
     /// Heights of contact points above the ground `[sample][end effector]`, m: 0 in stance.
     pub height_m: Vec<Vec<f64>>,
     /// Requested velocity of the body in the interval after each sample: along its heading and to the left, m/s, and yaw rate,
     /// rad/s.
     pub steering: Vec<[f64; 3]>,
+    /// Ground at the contacts, `[sample][end effector]`; `None` on level ground.
+    pub contacts: Option<Vec<Vec<ContactGround>>>,
 }
 
 impl Problem {
-    /// Builds the problem of a horizon, whose first sample is at the origin with heading 0.
+    /// Builds the problem of a horizon.
     ///
     /// The slots are those of the samples, then the states one interval before the first and after the last sample. The state
     /// before is given, and so is the first sample except for its ground forces and wheel speeds. The state after determines
@@ -32,6 +37,7 @@ impl Problem {
         let beside = |t: usize| t.clamp(1, samples) - 1;
         let around =
             |rows: &[Vec<f64>]| (0..samples + 2).map(|t| rows[beside(t)].clone()).collect();
+        let contacts = goal.contacts.unwrap_or_default();
         let mut frozen = vec![vec![false; layout.len]; samples + 2];
         frozen[samples].fill(true);
         frozen[samples + 1][layout.dofs..].fill(true);
@@ -53,6 +59,7 @@ impl Problem {
             periodic: false,
             at_rest: false,
             frozen,
+            start: goal.start,
             placement_free: false,
             held: motion.still_wheels(model.robot()),
             reserve: motion.reserve,
@@ -69,7 +76,12 @@ impl Problem {
             model,
             layout,
         };
-        problem.assign_footholds();
+        if contacts.is_empty() {
+            problem.assign_footholds();
+        } else {
+            problem.contacts = (0..samples + 2).map(|t| contacts[beside(t)].clone()).collect();
+            problem.assign_clearance();
+        }
         problem
     }
 }

@@ -112,8 +112,7 @@ impl Course {
             .map_err(|_| HorizonError::NotFinite { what: "interval_s" })?;
         let gait = stand.motion.name.clone();
         let horizon = Horizon::new(robot, stand, options)?;
-        let standing_m = horizon.model.standing_q(joint_rad)[BASE_POSITION + 2];
-        let height_m = standing_m + horizon.ground().at(&Vector3::zeros()).height_m;
+        let height_m = horizon.model.standing_q(joint_rad)[BASE_POSITION + 2];
         let begins = State {
             base_position_m: Vector3::z() * height_m,
             joint_rad: joint_rad.to_vec(),

@@ -5,6 +5,7 @@
 
 use super::start::InitialState;
 use crate::formulation::terms::motor_speed_rad_s;
+use crate::motion::Footing;
 use crate::plan::Placement;
 use crate::problem::Problem;
 use crate::problem::state::State as Sampled;
@@ -15,7 +16,6 @@ use nalgebra::{
     Vector3,
 };
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
-use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_multibody::{ANGULAR, Frames, LINEAR, RimContact, State, Tree, rotation};
 
 /// Number of Newton steps to the ground. Two steps reduce millimetres to nanometres.
@@ -28,7 +28,7 @@ const BODY: f64 = 3.0;
 /// Returns the nearest state in which stance feet touch the ground without slip and joints are within their limits.
 pub(super) fn on_contacts(
     tree: &Tree,
-    ground: &ElevationMap,
+    ground: &Footing,
     measured: &State,
     stands: &[bool],
 ) -> State {
@@ -71,7 +71,7 @@ enum ContactResidual {
 /// m. For [`ContactResidual::Velocity`], the residuals are the product of rows and ν instead.
 fn contact_rows(
     tree: &Tree,
-    ground: &ElevationMap,
+    ground: &Footing,
     state: &State,
     stands: &[bool],
     wanted: ContactResidual,
@@ -80,11 +80,13 @@ fn contact_rows(
     let mut jacobian = Matrix3xX::zeros(tree.dofs());
     let (mut rows, mut off) = (Vec::new(), Vec::new());
     for (j, _) in stands.iter().enumerate().filter(|(_, stands)| **stands) {
-        let Some(contact) = RimContact::on(tree, &frames, j, ground) else { continue };
+        let end = &tree.robot().end_effectors[j];
+        let map = ground.contact(j, true, &frames.point(end.link, &end.center_in_link_m));
+        let Some(contact) = RimContact::on(tree, &frames, j, &map) else { continue };
         let (position, normal) = (contact.position(), *contact.normal());
-        let (distance_m, _) = ground.distance(&position);
+        let (distance_m, _) = map.distance(&position);
         contact.material_jacobian(tree, &frames, &mut jacobian);
-        let glides = tree.robot().end_effectors[j].contact.blade_length_m().is_some();
+        let glides = end.contact.blade_length_m().is_some();
         let side = normal.cross(&contact.axis.cross(&normal)).normalize();
         let directions: &[Vector3<f64>] = match wanted {
             ContactResidual::Distance => &[normal],
@@ -121,6 +123,13 @@ pub(super) fn over_ground(state: &State) -> Placement {
     Placement { offset_m: [p.x, p.y], yaw_rad: yaw_pitch_roll(&state.world_from_body).x }
 }
 
+/// Velocity of the body along its heading and to the left, m/s, and its yaw rate, rad/s.
+pub(super) fn heading_velocity(state: &State) -> [f64; 3] {
+    let (sin, cos) = over_ground(state).yaw_rad.sin_cos();
+    let [x, y] = [state.velocity[LINEAR], state.velocity[LINEAR + 1]];
+    [cos * x + sin * y, cos * y - sin * x, state.velocity[ANGULAR + 2]]
+}
+
 pub(super) fn isometry(place: &Placement) -> Isometry3<f64> {
     let [x, y] = place.offset_m;
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), place.yaw_rad);
@@ -134,7 +143,7 @@ fn yaw_pitch_roll(world_from_body: &Matrix3<f64>) -> Vector3<f64> {
     Vector3::new(r[(1, 0)].atan2(r[(0, 0)]), pitch, r[(2, 1)].atan2(r[(2, 2)]))
 }
 
-/// Converts a state at the origin with heading 0 to the first sample of a horizon and the sample before it.
+/// Converts a state in the frame of the plan to the first sample of a horizon and the sample before it.
 pub(super) fn beginning(problem: &Problem, tree: &Tree, state: State) -> InitialState {
     let layout: &Layout = &problem.layout;
     let mut at = DVector::zeros(layout.len);
@@ -156,7 +165,7 @@ pub(super) fn beginning(problem: &Problem, tree: &Tree, state: State) -> Initial
         before[JOINTS + j] -= h * speed;
     }
     for vars in [&mut at, &mut before] {
-        guess::follow_kinematics(&problem.model, layout, &problem.ground, vars);
+        guess::follow_contacts(problem, 1, vars);
     }
     let evaluated = |vars: &DVector<f64>| {
         Sampled::new(&problem.model, layout, &problem.contacts[1], vars.clone())
@@ -190,7 +199,7 @@ mod tests {
             state.velocity.iter_mut().for_each(|speed| *speed = 0.05 * random());
             let mut stands = vec![true; robot.end_effectors.len()];
             stands[1] = false;
-            let found = on_contacts(&tree, &ElevationMap::default(), &state, &stands);
+            let found = on_contacts(&tree, &Footing::default(), &state, &stands);
             let mut kinematics = Kinematics::new(&tree, &found.configuration());
             kinematics.update(&tree, &found.configuration(), &found.velocity);
             for (j, _) in stands.iter().enumerate().filter(|(_, stands)| **stands) {

@@ -82,8 +82,15 @@ impl Schedule {
         (at - self.begun_at).rem_euclid(self.gait.samples() as i64) as usize
     }
 
-    /// Footfalls of `samples` samples from sample `at`, at which the contact points have the states `places`.
-    pub fn from(&self, at: i64, samples: usize, places: &[ContactState]) -> Footfalls {
+    /// Footfalls of `samples` samples from sample `at`, at which the contact points have the states `places`. On terrain, a swing
+    /// may begin below its envelope.
+    pub fn from(
+        &self,
+        at: i64,
+        samples: usize,
+        places: &[ContactState],
+        on_terrain: bool,
+    ) -> Footfalls {
         let period = self.gait.samples();
         let (swing_m, h) = (self.gait.motion.swing_height_m, self.gait.interval_s());
         // With a period before and after, every swing has its lift-off and its landing.
@@ -118,7 +125,8 @@ impl Schedule {
             for (k, row) in heights[here..until].iter_mut().enumerate() {
                 row[j] += fade_out(off, k as f64, last);
             }
-            heights[here + 1..until].iter_mut().for_each(|row| row[j] = row[j].max(0.0));
+            let least_m = if on_terrain { place.height_m.min(0.0) } else { 0.0 };
+            heights[here + 1..until].iter_mut().for_each(|row| row[j] = row[j].max(least_m));
         }
         let inside = here..here + samples;
         Footfalls { stance: rows[inside.clone()].to_vec(), height_m: heights[inside].to_vec() }
@@ -169,7 +177,7 @@ mod tests {
         samples: usize,
         first: ContactState,
     ) -> (String, Vec<f64>) {
-        let footfalls = schedule.from(at, samples, &[first, down(), down(), down()]);
+        let footfalls = schedule.from(at, samples, &[first, down(), down(), down()], false);
         (flags(&footfalls.stance), footfalls.height_m.iter().map(|row| row[0]).collect())
     }
 

@@ -8,6 +8,7 @@ use crate::problem::variables::Layout;
 use crate::problem::{Problem, Unknowns};
 use nalgebra::{DVector, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, Model};
+use rollwalk_multibody::ground::ElevationMap;
 
 /// Sets the variables that follow from `q` by forward kinematics: contact points and wheel angles. Yaw angles are unwrapped to
 /// stay near those in `vars`.
@@ -15,6 +16,21 @@ pub fn follow_kinematics(
     model: &Model,
     layout: &Layout,
     ground: &Footing,
+    vars: &mut DVector<f64>,
+) {
+    follow_on(model, layout, |j, center| ground.contact(j, true, center), vars);
+}
+
+/// Sets the variables of timeline sample `t` that follow from `q`, as [`follow_kinematics`] does, on the ground at its contacts.
+pub(crate) fn follow_contacts(problem: &Problem, t: usize, vars: &mut DVector<f64>) {
+    let ground = |j: usize, _: &Vector3<f64>| problem.contacts[t][j].map.clone();
+    follow_on(&problem.model, &problem.layout, ground, vars);
+}
+
+fn follow_on(
+    model: &Model,
+    layout: &Layout,
+    ground: impl Fn(usize, &Vector3<f64>) -> ElevationMap,
     vars: &mut DVector<f64>,
 ) {
     let pose = model.pose_values(&vars.rows(0, layout.dofs).into_owned());
@@ -26,7 +42,7 @@ pub fn follow_kinematics(
             (vars[wheel.tilt], vars[wheel.yaw]) = (tilt, yaw);
             [tilt, yaw]
         });
-        let map = ground.contact(j, true, &mount.center);
+        let map = ground(j, &mount.center);
         let frame = ContactFrame::below(radius, angles, &map, &mount.center);
         vars.fixed_rows_mut::<3>(ee.position).copy_from(&(mount.center + frame.to_contact));
     }
@@ -103,30 +119,49 @@ pub(super) fn along(problem: &Problem, detour: &Detour) -> Unknowns {
     unknowns
 }
 
-/// Leans the body with the mean ground below it, and moves contact points to their footholds. Swings follow their envelope on a
-/// straight line from one foothold to the next.
+/// Leans the body with the mean ground below it, and moves contact points to their footholds.
 fn on_terrain(problem: &Problem, unknowns: &mut Unknowns) {
     let (layout, model) = (&problem.layout, &problem.model);
     for (i, vars) in unknowns.slots.iter_mut().enumerate() {
-        let base: Vector3<f64> = vars.fixed_rows::<3>(BASE_POSITION).into();
-        let slope = problem.ground.body().at(&base).slope;
-        let (sine, cosine) = vars[BASE_YAW].sin_cos();
-        vars[BASE_YAW + 1] -= LEAN * (slope.x * cosine + slope.y * sine);
-        vars[BASE_YAW + 2] += LEAN * (slope.y * cosine - slope.x * sine);
+        lean_on(problem, vars);
         follow_kinematics(model, layout, &problem.ground, vars);
-        for (j, ee) in layout.end_effectors.iter().enumerate() {
-            let contact = &problem.contacts[i + 1][j];
-            let mut point: Vector3<f64> = vars.fixed_rows::<3>(ee.position).into();
-            if let Some(foothold) = contact.foothold {
-                point = foothold;
-            } else {
-                if let Some(between) = between_footholds(problem, i + 1, j) {
-                    point = between;
-                }
-                point.z = contact.map.at(&point).height_m + problem.height_m[i + 1][j];
+        onto_footholds(problem, i, vars);
+    }
+}
+
+/// Raises the body of a robot that stands on the plane z = 0 onto the mean ground below it, and leans it.
+pub(crate) fn lean(problem: &Problem, vars: &mut DVector<f64>) {
+    stand_on(&problem.ground, vars);
+    lean_on(problem, vars);
+}
+
+fn lean_on(problem: &Problem, vars: &mut DVector<f64>) {
+    let base: Vector3<f64> = vars.fixed_rows::<3>(BASE_POSITION).into();
+    let slope = problem.ground.body().at(&base).slope;
+    let (sine, cosine) = vars[BASE_YAW].sin_cos();
+    vars[BASE_YAW + 1] -= LEAN * (slope.x * cosine + slope.y * sine);
+    vars[BASE_YAW + 2] += LEAN * (slope.y * cosine - slope.x * sine);
+}
+
+/// Moves the contact points of sample `i` to their footholds. Swings follow their envelope on a straight line from one foothold
+/// to the next.
+pub(crate) fn onto_footholds(problem: &Problem, i: usize, vars: &mut DVector<f64>) {
+    for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
+        let contact = &problem.contacts[i + 1][j];
+        let mut point: Vector3<f64> = vars.fixed_rows::<3>(ee.position).into();
+        if let Some(foothold) = contact.foothold {
+            point = foothold;
+        } else {
+            if let Some(between) = between_footholds(problem, i + 1, j) {
+                point = between;
             }
-            vars.fixed_rows_mut::<3>(ee.position).copy_from(&point);
+            for border in &contact.borders {
+                let over_m = border.outward.dot(&point.xy()) - border.at_m;
+                point -= border.outward.push(0.0) * over_m.max(0.0);
+            }
+            point.z = contact.map.at(&point).height_m + problem.height_m[i + 1][j];
         }
+        vars.fixed_rows_mut::<3>(ee.position).copy_from(&point);
     }
 }
 

@@ -1,18 +1,22 @@
 //! Horizons from states along earlier horizons, in stance and in swing, with and without a push.
 
-use nalgebra::{Isometry3, Vector3};
-use rollwalk_multibody::State;
-use rollwalk_multibody::euler::JOINTS;
+use nalgebra::{Isometry3, Vector2, Vector3};
+use rollwalk_multibody::euler::{JOINTS, Model};
+use rollwalk_multibody::ground::file::from_toml;
+use rollwalk_multibody::ground::{ElevationGrid, Terrain};
+use rollwalk_multibody::{Frames, RimContact, State};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::receding::{
-    Gait, GaitError, Horizon, HorizonError, HorizonOptions, HorizonPlan, MeasuredState, Steering,
+    Gait, GaitError, Horizon, HorizonError, HorizonGround, HorizonOptions, HorizonPlan,
+    MeasuredState, Steering,
 };
 use rollwalk_planner::whole_body::WholeBody;
 use rollwalk_planner::{Options, Progress, optimise};
 use rollwalk_robot::Robot;
 use std::fs;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 fn read(path: &str) -> String {
     fs::read_to_string(format!("{}/../shipped/{path}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap()
@@ -210,4 +214,108 @@ fn what_cannot_be_planned_is_refused_with_its_value() {
     let measured = MeasuredState { state: &walker.state, touches: &walker.touches };
     let error = walker.horizon.plan(measured, 0, forward(f64::NAN), &mut go).unwrap_err();
     assert_eq!(error, HorizonError::NotFinite { what: "steering.forward_m_s" });
+}
+
+/// Ramp up, kerb up and kerb down.
+const RAMP_AND_KERBS: &str = "[profile]\nx_m = [0.3, 0.7, 1.1, 1.1, 1.5, 1.5]\n\
+    z_m = [0.0, 0.06, 0.06, 0.078, 0.078, 0.06]";
+
+impl Walker {
+    /// Begins standing on the level part of a terrain.
+    fn on(robot: &Robot, gait: Gait, duration_s: f64, terrain: &Terrain) -> Self {
+        let mut walker = Self::new(robot, gait, duration_s);
+        walker.state.base_position_m.z = Model::new(robot).nominal_q()[2];
+        walker.horizon.change_ground(HorizonGround::Terrain(terrain.clone()));
+        walker
+    }
+
+    /// Lowest points of all end effectors, m.
+    fn contacts_m(state: &State, horizon: &Horizon) -> Vec<Vector3<f64>> {
+        let tree = horizon.tree();
+        let frames = Frames::new(tree, &state.configuration());
+        let lowest = |j| RimContact::new(tree, &frames, j, &Vector3::z()).unwrap().position();
+        (0..tree.robot().end_effectors.len()).map(lowest).collect()
+    }
+}
+
+/// Follows horizons over ramp and kerbs, and returns the fraction that was rejected. The previous plan then continues.
+/// `exchange` may exchange the map before each plan.
+fn goes_over_ramp_and_kerbs(
+    robot: &Robot,
+    gait: Gait,
+    [duration_s, speed_m_s]: [f64; 2],
+    every: u64,
+    mut exchange: impl FnMut(&mut Horizon, &Vector3<f64>),
+) -> f64 {
+    let terrain = from_toml("terrain.toml", RAMP_AND_KERBS).unwrap();
+    let mut walker = Walker::on(robot, gait, duration_s, &terrain);
+    let standing_m = walker.state.base_position_m.z;
+    let (mut highest_m, mut plans, mut rejected) = (0.0_f64, 0, 0);
+    let mut followed: Option<(HorizonPlan, u64)> = None;
+    while walker.state.base_position_m.x < 2.0 {
+        exchange(&mut walker.horizon, &walker.state.base_position_m);
+        let found = walker.plan(forward(speed_m_s));
+        let at_m = walker.state.base_position_m;
+        plans += 1;
+        assert!(plans < 400, "{at_m:?}");
+        if !found.is_accepted() {
+            rejected += 1;
+            let (before, played) = followed.as_mut().expect("the first plan is accepted");
+            *played += every;
+            let time_s = *played as f64 * walker.horizon.interval_s();
+            assert!(time_s < duration_s, "{at_m:?}: {:?}", found.plan.solve);
+            let there = WholeBody::new(&before.plan).at(time_s, &before.world_from_plan);
+            (walker.state, walker.touches) = (there.state, there.stands);
+            walker.at += every;
+            continue;
+        }
+        let begins = WholeBody::new(&found.plan).at(0.0, &found.world_from_plan).state;
+        let [before, after] =
+            [&walker.state, &begins].map(|state| Walker::contacts_m(state, &walker.horizon));
+        for (j, _) in walker.touches.iter().enumerate().filter(|(_, touches)| **touches) {
+            let moved_m = (after[j] - before[j]).norm();
+            assert!(moved_m < 1e-3, "end effector {j} moves by {moved_m} m at {at_m:?}");
+        }
+        walker.follow(&found, every);
+        highest_m = highest_m.max(walker.state.base_position_m.z - standing_m);
+        followed = Some((found, every));
+    }
+    // Both ends of the robot are over both edges of the upper kerb.
+    assert!((highest_m - 0.078).abs() < 0.01, "{highest_m}");
+    let end_m = walker.state.base_position_m.z - standing_m;
+    assert!((end_m - 0.06).abs() < 0.006, "{end_m}");
+    f64::from(rejected) / f64::from(plans)
+}
+
+#[test]
+fn a_robot_drives_over_a_ramp_and_kerbs_in_horizons() {
+    let robot = robot("agilebot");
+    let stand = Gait::standing(&robot, 0.1).unwrap();
+    assert_eq!(goes_over_ramp_and_kerbs(&robot, stand, [1.0, 0.2], 2, |_, _| {}), 0.0);
+}
+
+#[test]
+#[ignore = "ten seconds and more: cargo xtask nightly --only long"]
+fn a_robot_walks_over_a_ramp_and_kerbs_in_horizons() {
+    let robot = robot("agilebot");
+    let walk = Gait::of(&planned(&robot, "walk")).unwrap();
+    let rejected = goes_over_ramp_and_kerbs(&robot, walk, [1.6, 0.1], 4, |_, _| {});
+    assert!(rejected < 0.15, "{rejected}");
+}
+
+/// Exchanges a noisy map before each plan.
+#[test]
+fn footholds_stay_while_maps_are_exchanged() {
+    let robot = robot("agilebot");
+    let terrain = from_toml("terrain.toml", RAMP_AND_KERBS).unwrap();
+    let mut random = fastrand::Rng::with_seed(4);
+    let stand = Gait::standing(&robot, 0.1).unwrap();
+    let rejected = goes_over_ramp_and_kerbs(&robot, stand, [1.0, 0.2], 2, |horizon, body_m| {
+        let center_m = Vector2::new(body_m.x, body_m.y);
+        let grid = ElevationGrid::around(center_m, 0.8, 0.02, |at| {
+            terrain.height_m(&at) + 0.006 * (random.f64() - 0.5)
+        });
+        horizon.change_ground(HorizonGround::Map(Arc::new(grid)));
+    });
+    assert!(rejected < 0.05, "{rejected}");
 }

@@ -3,6 +3,7 @@
 mod contour;
 mod convex;
 mod elevation;
+mod elevation_grid;
 mod elevation_map;
 mod facets;
 pub mod file;
@@ -22,7 +23,8 @@ use std::sync::Arc;
 
 pub use contour::{Contour, Filter};
 pub use elevation::Elevation;
-pub use elevation_map::ElevationMap;
+pub use elevation_grid::ElevationGrid;
+pub use elevation_map::{Bump, ElevationMap};
 pub use file::Terrain;
 pub use grid::Grid;
 pub use obstacle::{GroundWithObstacles, floor_of};

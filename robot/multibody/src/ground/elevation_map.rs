@@ -30,6 +30,36 @@ pub enum ElevationMap {
     Field(Arc<HeightField>),
     /// Map whose x axis points along a heading, rad.
     Turned(f64, Arc<Self>),
+    /// Map that is raised by a smooth bump.
+    Raised(Arc<Self>, Bump),
+}
+
+/// Smooth bump w(s) = b (1 − s²)³ of height b, with s = |x − c|/R for the centre c and the radius R. Beyond R it is 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bump {
+    /// Centre c, m.
+    pub center_m: Vector2<f64>,
+    /// Height b, m; negative for a hollow.
+    pub height_m: f64,
+    /// Radius R, m.
+    pub radius_m: f64,
+}
+
+impl Bump {
+    fn elevation(&self, at: Vector2<f64>) -> Elevation {
+        let (off, square) = (at - self.center_m, self.radius_m * self.radius_m);
+        let rest = 1.0 - off.norm_squared() / square;
+        if rest <= 0.0 {
+            return Elevation::default();
+        }
+        let by_square = -6.0 * self.height_m / square;
+        Elevation {
+            height_m: self.height_m * rest.powi(3),
+            slope: off * (by_square * rest * rest),
+            bend: (Matrix2::identity() * rest - off * off.transpose() * (4.0 / square))
+                * (by_square * rest),
+        }
+    }
 }
 
 impl Default for ElevationMap {
@@ -58,6 +88,13 @@ impl ElevationMap {
         }
     }
 
+    /// Map that is raised around a point so that it passes through the point. The slope there does not change. Beyond
+    /// `radius_m` nothing changes.
+    pub fn through(self, point: &Vector3<f64>, radius_m: f64) -> Self {
+        let (center_m, height_m) = (point.xy(), self.height_above_m(point));
+        Self::Raised(Arc::new(self), Bump { center_m, height_m, radius_m })
+    }
+
     /// Elevation at the x and y of a point.
     pub fn at(&self, point: &Vector3<f64>) -> Elevation {
         self.at_xy(point.xy())
@@ -78,6 +115,14 @@ impl ElevationMap {
                 let Elevation { height_m, slope, bend } = map.at_xy(turn.inverse() * at);
                 let (turn, back) = (turn.matrix(), turn.matrix().transpose());
                 Elevation { height_m, slope: turn * slope, bend: turn * bend * back }
+            }
+            Self::Raised(map, bump) => {
+                let (below, over) = (map.at_xy(at), bump.elevation(at));
+                Elevation {
+                    height_m: below.height_m + over.height_m,
+                    slope: below.slope + over.slope,
+                    bend: below.bend + over.bend,
+                }
             }
         }
     }
@@ -186,6 +231,33 @@ mod tests {
             // Equal centres may have two contact points only where the rim bends like the ground.
             let touches = center - found * radius_m;
             assert!(map.height_above_m(&touches).abs() < 1e-9, "{contact:?}: {touches:?}");
+        }
+    }
+
+    #[test]
+    fn a_raised_map_passes_through_its_point_and_has_its_derivatives() {
+        let slope = Vector2::new(0.1, -0.05);
+        let plane = ElevationMap::Plane { height_m: 0.02, slope };
+        let point = Vector3::new(0.3, -0.2, 0.09);
+        let map = plane.clone().through(&point, 0.15);
+        assert!(map.height_above_m(&point).abs() < 1e-15);
+        assert!((map.at(&point).slope - slope).amax() < 1e-15);
+        let mut rng = fastrand::Rng::with_seed(5);
+        for _ in 0..100 {
+            let at = point + Vector3::from_fn(|_, _| 0.4 * (rng.f64() - 0.5));
+            let here = map.at(&at);
+            if (at - point).xy().norm() > 0.15 {
+                assert_eq!(here, plane.at(&at));
+            }
+            let step = 1e-6;
+            for axis in 0..2 {
+                let by = |by: f64| map.at(&(at + Vector3::ith(axis, by)));
+                let (ahead, behind) = (by(step), by(-step));
+                let numeric = (ahead.height_m - behind.height_m) / (2.0 * step);
+                assert!((numeric - here.slope[axis]).abs() < 1e-8);
+                let numeric = (ahead.slope - behind.slope) / (2.0 * step);
+                assert!((numeric - here.bend.column(axis)).amax() < 1e-6);
+            }
         }
     }
 

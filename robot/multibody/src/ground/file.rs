@@ -4,6 +4,7 @@ use super::obstacle::Obstacle;
 use super::obstacle_file::{self, FAR_M};
 use super::terrain::CORNER_MIN_M;
 use super::{Ground, GroundWithObstacles, HeightField, Plane, Profile, RotatedGround};
+use nalgebra::{Rotation2, Vector2};
 use rollwalk_robot::document::{Document, DocumentError, Table, alternatives};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -54,6 +55,17 @@ impl Terrain {
             return ground;
         }
         Arc::new(GroundWithObstacles::new(ground, self.obstacles.clone()))
+    }
+
+    /// Height of the ground without obstacles, m. At a wall it is the higher one.
+    pub fn height_m(&self, at: &Vector2<f64>) -> f64 {
+        let at = Rotation2::new(-self.heading_rad) * at;
+        match &self.shape {
+            Shape::Level => 0.0,
+            Shape::Slope(angle_rad) => at.x * angle_rad.tan(),
+            Shape::Profile(profile) => profile.height_m(at.x),
+            Shape::Field(field) => field.elevation(at.x, at.y).height_m,
+        }
     }
 
     /// Solid of the ground without obstacles.
@@ -310,6 +322,7 @@ mod tests {
             let surface = ground.at(&Vector3::new(x, y, z));
             z -= surface.gap_m / surface.gradient.z.max(0.3);
         }
+        close(terrain.height_m(&Vector2::new(x, y)), z);
         z
     }
 
