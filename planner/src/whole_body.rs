@@ -30,6 +30,8 @@ pub struct Instant {
     pub force_n: Vec<Vector3<f64>>,
     /// Height of the ground at each end effector above the plane z = 0 of the plan, m; zeros for a plan without a terrain.
     pub ground_height_m: Vec<f64>,
+    /// Unit normal of the ground at each end effector, in axes of the plan.
+    pub ground_normal: Vec<Vector3<f64>>,
 }
 
 impl WholeBody {
@@ -54,18 +56,22 @@ impl WholeBody {
         stand(&self.inverse.spline().planned_contacts(plan_time_s))
     }
 
-    fn ground_height_m(&self, plan_time_s: f64) -> Vec<f64> {
+    /// Height and unit normal of the ground at each end effector.
+    fn ground(&self, plan_time_s: f64) -> Vec<(f64, Vector3<f64>)> {
         let spline = self.inverse.spline();
         let ground = spline.ground();
-        if ground.terrain().is_none() {
-            return vec![0.0; self.tree().robot().end_effectors.len()];
+        let feet = &self.tree().robot().end_effectors;
+        if ground.is_level() {
+            return vec![(0.0, Vector3::z()); feet.len()];
         }
         let sample = spline.sample(plan_time_s);
-        let height_m = |(j, end): (usize, &EndEffectorSample)| {
+        let below = |(j, end): (usize, &EndEffectorSample)| {
             let contact = Vector3::from(end.position_m);
-            ground.contact(j, end.contact, &contact).at(&contact).height_m
+            let center = contact + Vector3::z() * feet[j].radius_m;
+            let here = ground.contact(j, end.contact, &center).at(&contact);
+            (here.height_m, here.normal())
         };
-        sample.end_effectors.iter().enumerate().map(height_m).collect()
+        sample.end_effectors.iter().enumerate().map(below).collect()
     }
 
     /// State of the robot at `plan_time_s`. `world_from_plan` is the pose of the plan in the world. A periodic motion continues
@@ -78,9 +84,10 @@ impl WholeBody {
         let there = world_from_plan * Isometry3::from_parts(Translation3::new(x, y, 0.0), yaw);
         let mut acceleration = rates.acceleration;
         turn_base(&mut acceleration, there.rotation.to_rotation_matrix().matrix());
-        let ground_height_m = self.ground_height_m(plan_time_s);
+        let (ground_height_m, ground_normal) = self.ground(plan_time_s).into_iter().unzip();
         Instant {
             ground_height_m,
+            ground_normal,
             state: rates.state.moved(&there),
             acceleration,
             stands: stand(&contacts),

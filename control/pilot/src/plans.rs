@@ -30,11 +30,13 @@ pub struct Route {
 const DRIVE_INTERVAL_S: f64 = 0.1;
 
 impl Route {
-    fn interval_s(&self) -> f64 {
+    /// Sample spacing of horizons, s.
+    pub fn interval_s(&self) -> f64 {
         self.gait.as_ref().map_or(DRIVE_INTERVAL_S, Gait::interval_s)
     }
 
-    fn horizon_s(&self) -> f64 {
+    /// Duration of a horizon, s.
+    pub fn horizon_s(&self) -> f64 {
         let period_s = |gait: &Gait| gait.samples() as f64 * gait.interval_s();
         self.gait.as_ref().map_or(0.0, period_s).max(LEAST_HORIZON_S)
     }

@@ -73,7 +73,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let duration_s = begins_s(wanted.len());
         let options =
             Options { duration_s, replan_samples, planning_s: 0.09, ..Options::default() };
-        let outcome = steer(&robot, horizon, &commands, &options)?;
+        let outcome = steer(&robot, horizon, &commands, &options, &mut |_| {})?;
         // The second half of a command.
         let settled = |k: usize| outcome.mean(begins_s(k) + 0.5 * KEPT_S, begins_s(k) + KEPT_S);
         let latency = |k: usize, c: usize, change: [f64; 2]| {

@@ -110,7 +110,8 @@ impl PlacedPlan {
     }
 
     pub fn reference(&mut self, time_s: f64) -> Reference {
-        let Instant { state, acceleration, stands, force_n, ground_height_m } = self.at(time_s);
+        let Instant { state, acceleration, stands, force_n, ground_height_m, ground_normal } =
+            self.at(time_s);
         let world_from_ground = self.world_from_plan;
         let mut reference = Reference {
             time_s,
@@ -120,6 +121,7 @@ impl PlacedPlan {
             stands,
             force_n,
             ground_height_m,
+            ground_normal,
         };
         balance::upright(self.body.tree(), &mut reference);
         reference

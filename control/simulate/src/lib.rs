@@ -13,6 +13,7 @@
 //! | [`control`] | set-points of the plan for the servos in open loop, or a controller with feedback |
 //! | [`run`] | simulation of a plan in a [`rollwalk_physics::World`], period by period |
 //! | [`sensors`] | simulated IMU, encoders and contact switches, with noise and faults |
+//! | [`elevation`] | simulated sensor of an elevation map, with noise, holes and delay |
 //! | [`outcome`] | displacement, turn, falls, slip and forces of a run |
 //! | [`log`] | table of a run, with a row for each step |
 //! | [`identify`] | identification of friction, gains and other parameters from a recorded run |
@@ -43,6 +44,7 @@
 mod balance;
 pub mod closed_loop;
 pub mod control;
+pub mod elevation;
 mod follower;
 pub mod identify;
 pub mod judgement;

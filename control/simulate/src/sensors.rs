@@ -165,7 +165,7 @@ impl SimulatedSensors {
 }
 
 /// Draws from the standard normal distribution (Box–Muller).
-fn normal(random: &mut Rng) -> f64 {
+pub(crate) fn normal(random: &mut Rng) -> f64 {
     let radius = (-2.0 * (1.0 - random.f64()).ln()).sqrt();
     radius * (TAU * random.f64()).cos()
 }

@@ -3,17 +3,24 @@
 //! Planning takes simulated time: the plan from a measured state takes over [`Options::planning_s`] after the measurement. It
 //! begins in the state that is predicted for that time. Meanwhile the previous plan continues, and the prediction keeps the
 //! deviation of the measured state from this plan. A plan that is not accepted does not take over.
+//!
+//! On terrain, the planner uses the map of the terrain file or one that a simulated sensor delivers. Each plan uses the newest
+//! map.
 
 use crate::closed_loop::PlacedPlan;
+use crate::elevation::{ElevationSensor, Sensing};
 use crate::script::servo;
 use crate::tick::law;
 use rollwalk_multibody::State;
-use rollwalk_multibody::ground::{Ground, Plane};
+use rollwalk_multibody::ground::{Ground, Plane, Terrain};
 use rollwalk_physics::motor::Law;
 use rollwalk_physics::push::{Shove, mean_force};
 use rollwalk_physics::world::{FallWatch, Parameters, heading_rad};
 use rollwalk_physics::{StepError, World};
-use rollwalk_planner::receding::{Gait, Horizon, HorizonError, MeasuredState, Steering};
+use rollwalk_planner::families::Family;
+use rollwalk_planner::receding::{
+    Gait, Horizon, HorizonError, HorizonGround, MeasuredState, Steering,
+};
 use rollwalk_planner::whole_body::WholeBody;
 use rollwalk_robot::Robot;
 use rollwalk_tracking::Tracker;
@@ -50,6 +57,28 @@ pub struct Options {
     pub rate_hz: u32,
     /// Pushes.
     pub shoves: Vec<Shove>,
+    /// Ground; `None` for level ground.
+    pub ground: Option<SteeredGround>,
+}
+
+/// Ground of a steered run.
+#[derive(Clone, Debug)]
+pub struct SteeredGround {
+    /// Terrain of the simulated world.
+    pub terrain: Terrain,
+    /// Sensor of the planner's map. `None` if the planner uses the terrain file.
+    pub sensing: Option<Sensing>,
+}
+
+/// Event of a steered run, for measurements of planning times.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SteeredEvent {
+    /// Begin of planning, with the processing of a map.
+    PlanBegins,
+    /// End of planning.
+    PlanEnds,
+    /// Step of the simulation.
+    Step,
 }
 
 impl Default for Options {
@@ -61,17 +90,22 @@ impl Default for Options {
             iterations: 20,
             rate_hz: 500,
             shoves: Vec::new(),
+            ground: None,
         }
     }
 }
 
 /// Result of planning a horizon.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct HorizonResult {
     /// Number of iterations.
     pub iterations: usize,
     /// True if the plan was accepted.
     pub accepted: bool,
+    /// Largest ratio of a residual to its tolerance.
+    pub worst_level: f64,
+    /// Constraint with this residual.
+    pub worst_constraint: Family,
 }
 
 /// Outcome of a steered run.
@@ -89,6 +123,8 @@ pub struct SteeredOutcome {
     pub rate_hz: f64,
     /// Velocity of the body after each step: forward and left in its heading frame, m/s, and rate of the heading, rad/s.
     pub velocities: Vec<[f64; 3]>,
+    /// Position of the body at the end, m. The run begins at x = y = 0.
+    pub end_m: [f64; 3],
 }
 
 impl SteeredOutcome {
@@ -180,7 +216,9 @@ impl Planner {
         let at = (step / self.steps) as u64;
         let found = self.horizon.plan(measured, at, self.steering, limit)?;
         let (iterations, accepted) = (found.plan.solve.iterations, found.is_accepted());
-        self.plans.push(HorizonResult { iterations, accepted });
+        let (worst_level, worst_constraint) =
+            (found.plan.solve.worst_level, found.plan.solve.worst_constraint);
+        self.plans.push(HorizonResult { iterations, accepted, worst_level, worst_constraint });
         let (world_from_plan, from_s) = (found.world_from_plan, step as f64 * self.step_s);
         Ok(accepted.then(|| PlacedPlan {
             body: WholeBody::new(&found.plan),
@@ -205,9 +243,10 @@ impl Planner {
     }
 }
 
-/// Steers a robot that initially stands at the origin of level ground.
+/// Steers a robot that initially stands at the origin.
 ///
 /// Commands are in order of time; the robot stands still until the first one. The first plan is made before the run begins.
+/// `on_event` receives events as they happen.
 ///
 /// # Errors
 /// Returns an error if the planning time is negative or not less than the time between plans, if the first plan is not
@@ -217,6 +256,7 @@ pub fn steer(
     horizon: Horizon,
     commands: &[Command],
     options: &Options,
+    on_event: &mut dyn FnMut(SteeredEvent),
 ) -> Result<SteeredOutcome, SteeredError> {
     let replan_s = options.replan_samples as f64 * horizon.interval_s();
     let planning_s = options.planning_s;
@@ -228,7 +268,8 @@ pub fn steer(
     let between = steps * options.replan_samples;
     let ahead = (planning_s / step_s).round() as usize;
 
-    let ground: Arc<dyn Ground> = Arc::new(Plane::level());
+    let level = || -> Arc<dyn Ground> { Arc::new(Plane::level()) };
+    let ground = options.ground.as_ref().map_or_else(level, |of| of.terrain.solid());
     let mut world = World::standing(robot, &ground, &Parameters::new(robot));
     let fall_watch = FallWatch::new(&world, &ground);
     let tree = horizon.tree().clone();
@@ -236,9 +277,17 @@ pub fn steer(
     let servos: Vec<Law> = robot.channels().map(|channel| servo(&channel)).collect();
     let (steering, iterations, plans) = (Steering::default(), options.iterations, Vec::new());
     let mut planner = Planner { horizon, steering, iterations, steps, step_s, plans };
+    let mut sensor = None;
+    if let Some(SteeredGround { terrain, sensing }) = &options.ground {
+        sensor = sensing.map(|sensing| ElevationSensor::new(terrain.clone(), sensing));
+        planner.horizon.change_ground(HorizonGround::Terrain(terrain.clone()));
+    }
     let mut commands = commands.iter().peekable();
     let standing = vec![true; robot.end_effectors.len()];
     let state = world.state(&tree);
+    if let Some(sensor) = &mut sensor {
+        planner.horizon.change_ground(sensor.first(&state.base_position_m.xy()));
+    }
     let first = planner.plan(MeasuredState { state: &state, touches: &standing }, 0)?;
     let mut tracked = first.ok_or(SteeredError::CannotStand)?;
     let mut next = None;
@@ -255,8 +304,15 @@ pub fn steer(
                     planner.horizon.change_gait(gait.clone(), (then / steps) as u64)?;
                 }
             }
+            on_event(SteeredEvent::PlanBegins);
+            if let Some(sensor) = &mut sensor
+                && let Some(map) = sensor.sample(time_s, &state.base_position_m.xy())
+            {
+                planner.horizon.change_ground(map);
+            }
             let measured = MeasuredState { state: &state, touches: &touching };
             next = planner.plan_ahead(&mut tracked, measured, [step, then])?;
+            on_event(SteeredEvent::PlanEnds);
         }
         if step.is_multiple_of(between)
             && let Some(next) = next.take()
@@ -275,13 +331,15 @@ pub fn steer(
         world.push(mean_force(&options.shoves, world.system().time_s(), step_s, heading));
         world.step(step_s)?;
         velocities.push(in_heading(&world.state(&tree)));
+        on_event(SteeredEvent::Step);
         if fall_watch.check(&world).is_some() {
             fell_at_s = Some(world.system().time_s());
             break;
         }
     }
-    let (time_s, plans) = (world.system().time_s(), planner.plans);
-    Ok(SteeredOutcome { fell_at_s, time_s, plans, untracked, rate_hz: 1.0 / step_s, velocities })
+    let (time_s, plans, rate_hz) = (world.system().time_s(), planner.plans, 1.0 / step_s);
+    let end_m = world.base().0.into();
+    Ok(SteeredOutcome { fell_at_s, time_s, plans, untracked, rate_hz, velocities, end_m })
 }
 
 /// Velocity of the body: forward and left in its heading frame, m/s, and rate of the heading, rad/s.

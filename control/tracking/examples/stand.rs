@@ -63,6 +63,7 @@ pub fn stand() -> Result<Stand, Box<dyn Error>> {
         stands: vec![true; feet],
         force_n: vec![Vector3::z() * (mass_kg * GRAVITY_M_S2 / feet as f64); feet],
         ground_height_m: vec![0.0; feet],
+        ground_normal: vec![Vector3::z(); feet],
     };
     let mut tracker = Tracker::new(tree, Weights::default(), TICK_S);
 

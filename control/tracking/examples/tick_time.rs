@@ -39,6 +39,7 @@ fn measure(robot: &Robot, ticks: usize) {
         stands: vec![true; feet],
         force_n: vec![Vector3::z() * part_n; feet],
         ground_height_m: vec![0.0; feet],
+        ground_normal: vec![Vector3::z(); feet],
     };
     let mut state = reference.state.clone();
     let gains = Gains::new(&tree, &Costs::default(), 1.0, true, |_| reference.clone());

@@ -38,6 +38,7 @@
 //!     stands: vec![true; feet],
 //!     force_n: vec![Vector3::z() * part_n; feet],
 //!     ground_height_m: vec![0.0; feet],
+//!     ground_normal: vec![Vector3::z(); feet],
 //! };
 //! let mut tracker = Tracker::new(tree, Weights::default(), 0.002);
 //! let setpoints = tracker.tick(&reference, &reference.state, &reference.stands)?;

@@ -259,6 +259,7 @@ mod tests {
             acceleration: vec![0.0; tree.dofs()],
             stands: vec![true; 4],
             ground_height_m: vec![0.0; forces.len()],
+            ground_normal: vec![Vector3::z(); forces.len()],
             force_n: forces.clone(),
             state,
         };

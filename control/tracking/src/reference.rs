@@ -20,4 +20,6 @@ pub struct Reference {
     pub force_n: Vec<Vector3<f64>>,
     /// Height of the ground at each end effector above the plane z = 0 of the ground, m.
     pub ground_height_m: Vec<f64>,
+    /// Unit normal of the ground at each end effector, in the axes of that plane.
+    pub ground_normal: Vec<Vector3<f64>>,
 }

@@ -116,6 +116,8 @@ struct Foot {
     measured: Vector3<f64>,
     /// Planned height of the lowest point above the ground, m.
     height_m: f64,
+    /// Normal of the ground.
+    normal: Vector3<f64>,
 }
 
 impl Foot {
@@ -145,8 +147,6 @@ pub struct Tracker {
     jacobian: Matrix3xX<f64>,
     row: DVector<f64>,
     feet: Vec<Foot>,
-    /// Normal of the ground.
-    normal: Vector3<f64>,
     errors: Errors,
     program: Program,
     solver: Solver,
@@ -224,6 +224,7 @@ impl Tracker {
                     planned: Vector3::zeros(),
                     measured: Vector3::zeros(),
                     height_m: 0.0,
+                    normal: Vector3::z(),
                 }
             })
             .collect();
@@ -251,7 +252,6 @@ impl Tracker {
             jacobian: Matrix3xX::zeros(dofs),
             row: DVector::zeros(dofs),
             feet,
-            normal: Vector3::z(),
             errors: Errors::default(),
             program,
             solver: Solver::new(unknowns, constraints),
@@ -489,7 +489,8 @@ impl Tracker {
         let Self { planned, measured, tree, errors, .. } = self;
         let up = |of: &Kinematics| of.frames.world_from_link[0] * Vector3::z();
         let com_m = Point3::from(measured.frames.com(tree));
-        let height_m = (reference.world_from_ground.inverse() * com_m).z;
+        let plane_m = (reference.world_from_ground.inverse() * com_m).z;
+        let height_m = plane_m - mean_height_m(reference);
         let lower_m = errors.height_m - height_m;
         up(planned).dot(&up(measured)) < FALLEN_COS || lower_m > FALLEN_PART * errors.height_m.abs()
     }
@@ -506,9 +507,8 @@ impl Tracker {
     fn prepare(&mut self, reference: &Reference, touches: &[bool]) {
         let Self { weights, tree, planned, measured, ahead, .. } = self;
         let ground_from_world = reference.world_from_ground.inverse();
-        self.normal = reference.world_from_ground.rotation * Vector3::z();
-        let normal = self.normal;
-        // Displacement along the ground.
+        // Displacement along the plane of the ground.
+        let normal = reference.world_from_ground.rotation * Vector3::z();
         let anchor_m = self.recovery.anchor_m;
         let rise_m = -normal.xy().dot(&anchor_m) / normal.z;
         let base_position_m =
@@ -526,8 +526,9 @@ impl Tracker {
         self.program.normals.fill(0.0);
         for (j, foot) in self.feet.iter_mut().enumerate() {
             let of = &tree.robot().end_effectors[j];
+            foot.normal = reference.world_from_ground.rotation * reference.ground_normal[j];
             let lowest = |at: &Kinematics| {
-                let contact = RimContact::new(tree, &at.frames, j, &normal);
+                let contact = RimContact::new(tree, &at.frames, j, &foot.normal);
                 contact.map_or(at.frames.point(of.link, &of.center_in_link_m), |of| of.position())
             };
             (foot.planned, foot.measured) = (lowest(planned), lowest(measured));
@@ -535,7 +536,7 @@ impl Tracker {
             foot.height_m = plane_m - reference.ground_height_m[j];
         }
         let (there, here) = (planned.frames.com(tree), measured.frames.com(tree));
-        let height_m = (ground_from_world * Point3::from(there)).z;
+        let height_m = (ground_from_world * Point3::from(there)).z - mean_height_m(reference);
         self.errors = Errors {
             from_plan_m: (here - there).xy(),
             velocity_m_s: measured.com_velocity(tree).xy(),
@@ -546,6 +547,7 @@ impl Tracker {
         self.recovery.update(&self.errors, self.tick_s);
         for (j, foot) in self.feet.iter_mut().enumerate() {
             let of = &tree.robot().end_effectors[j];
+            let normal = foot.normal;
             let contact = RimContact::new(tree, &measured.frames, j, &normal);
             let center = planned.frames.point(of.link, &of.center_in_link_m);
             let as_planned = PlannedContact {
@@ -584,6 +586,12 @@ impl Tracker {
         let times = [reference.time_s, *tick_s];
         correction.update(tree, times, [planned, measured], mass, places);
     }
+}
+
+/// Mean height of the ground at the end effectors above its plane z = 0, m.
+fn mean_height_m(reference: &Reference) -> f64 {
+    let heights_m = &reference.ground_height_m;
+    heights_m.iter().sum::<f64>() / heights_m.len() as f64
 }
 
 #[cfg(test)]

@@ -29,6 +29,7 @@ fn a_tick_allocates_nothing() {
         stands: vec![true, false, true, true],
         force_n: vec![nalgebra::Vector3::z() * 100.0; 4],
         ground_height_m: vec![0.0; 4],
+        ground_normal: vec![nalgebra::Vector3::z(); 4],
     };
     let mut state = reference.state.clone();
     state.velocity[0] = 0.3;

@@ -1,6 +1,7 @@
 //! Tests of plans on simulated ground, in one binary with a module per subject.
 
 mod balancing;
+mod course;
 mod estimates;
 mod frames;
 mod iterations;

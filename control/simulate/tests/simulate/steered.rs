@@ -29,7 +29,7 @@ fn a_robot_drives_off_within_a_horizon_walks_and_stops() {
         Command { at_s: 3.4, steering: forward(0.0), gait: Some(stand) },
     ];
     let options = Options { duration_s: 5.0, planning_s: 0.08, ..Options::default() };
-    let outcome = steer(&robot, horizon, &commands, &options).unwrap();
+    let outcome = steer(&robot, horizon, &commands, &options, &mut |_| {}).unwrap();
     assert_eq!((outcome.fell_at_s, outcome.untracked), (None, 0));
     // The first plan, and one for every 0.1 s.
     assert_eq!((outcome.plans.len(), outcome.rejected()), (51, 0), "{:?}", outcome.plans);
@@ -48,6 +48,6 @@ fn a_plan_that_takes_longer_than_the_next_one_is_refused() {
     let stand = Gait::standing(&robot, 0.1).unwrap();
     let horizon = Horizon::new(&robot, stand, HorizonOptions::default()).unwrap();
     let options = Options { replan_samples: 1, planning_s: 0.1, ..Options::default() };
-    let error = steer(&robot, horizon, &[], &options).unwrap_err();
+    let error = steer(&robot, horizon, &[], &options, &mut |_| {}).unwrap_err();
     assert!(matches!(error, SteeredError::Late { .. }), "{error}");
 }

@@ -28,13 +28,13 @@ impl Tracker {
         // little is better than a fall.
         let part = if self.recovery.is_active() { 1.0 } else { FRAC_1_SQRT_2 };
         for (j, foot) in self.feet.iter().enumerate().filter(|(_, foot)| foot.stands()) {
-            let [along, side] = foot.most(part).map(|most| self.normal * most);
+            let [along, side] = foot.most(part).map(|most| foot.normal * most);
             let sides = [
                 along - foot.along,
                 along + foot.along,
                 side - foot.side,
                 side + foot.side,
-                self.normal,
+                foot.normal,
             ];
             for side in sides {
                 for k in 0..3 {

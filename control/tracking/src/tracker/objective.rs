@@ -14,14 +14,14 @@ const BELOW_M: f64 = 0.02;
 impl Tracker {
     /// Adds the contact task: the material at a rolling or resting contact stays still.
     pub(super) fn add_contact_task(&mut self) {
-        let Self { weights, program, row, feet, normal, .. } = self;
+        let Self { weights, program, row, feet, .. } = self;
         let mut squares = SquaredTerms { program };
         for foot in feet.iter().filter(|foot| foot.stands()) {
             if foot.drag.is_none() {
                 squares.add(weights.contact, &foot.jacobian, &foot.still_m_s2);
                 continue;
             }
-            for direction in [foot.side, *normal] {
+            for direction in [foot.side, foot.normal] {
                 row.gemv_tr(1.0, &foot.jacobian, &direction, 0.0);
                 let still = direction.dot(&foot.still_m_s2);
                 squares.add_row(weights.contact, row.as_view(), still);
@@ -72,7 +72,6 @@ impl Tracker {
             row,
             feet,
             correction,
-            normal,
             ahead,
             ..
         } = self;
@@ -93,9 +92,10 @@ impl Tracker {
             let mut squares = SquaredTerms { program };
             if foot.phase == Phase::Landing {
                 // The planned height of the foot and its rate have no effect.
-                there -= *normal * (BELOW_M + foot.height_m.max(0.0));
-                wanted_m_s2 -= *normal * wanted_m_s2.dot(normal);
-                speed -= *normal * (speed + measured.point_velocity(link, &here)).dot(normal);
+                let normal = foot.normal;
+                there -= normal * (BELOW_M + foot.height_m.max(0.0));
+                wanted_m_s2 -= normal * wanted_m_s2.dot(&normal);
+                speed -= normal * (speed + measured.point_velocity(link, &here)).dot(&normal);
             }
             if !foot.stands() {
                 let wanted = wanted_m_s2 + weights.swing_feedback.of(&(there - here), &speed);

@@ -38,6 +38,7 @@ fn standing(tree: &Tree) -> Reference {
         stands: vec![true; feet],
         force_n: vec![Vector3::z() * part_n; feet],
         ground_height_m: vec![0.0; feet],
+        ground_normal: vec![Vector3::z(); feet],
     }
 }
 
