@@ -179,6 +179,13 @@ impl Grounded {
         Some(BodySample { imu, contacts })
     }
 
+    /// Lets go of the robot, which stands or lies.
+    fn release(&mut self) {
+        if self.hoist.take().is_some() {
+            self.fall_watch.begin_at(&self.world);
+        }
+    }
+
     /// Removes and returns the travels of all motions that have ended.
     pub fn take_travels(&mut self) -> Vec<Travel> {
         std::mem::take(&mut self.travels)
@@ -187,7 +194,7 @@ impl Grounded {
     /// Sets the motion of the robot. At the first motion the hoist releases the robot.
     pub fn on_moving(&mut self, now: SimTime, motion: Option<Moving>) {
         if motion.is_some() && matches!(self.lets_go, ReleaseCondition::WhenItPlays) {
-            self.hoist = None;
+            self.release();
         }
         if self.travel.map(|travel| travel.motion) != motion {
             self.travels.extend(self.travel.take());
@@ -280,7 +287,7 @@ impl Grounded {
             if let ReleaseCondition::WhenItStands(watch) = &mut self.lets_go
                 && watch.stands(now, servos)
             {
-                self.hoist = None;
+                self.release();
             }
             return;
         }

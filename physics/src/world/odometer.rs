@@ -181,6 +181,11 @@ impl FallWatch {
         }
     }
 
+    /// Counts the present height as standing if it is lower, for a robot that begins on its body.
+    pub fn begin_at(&mut self, world: &World) {
+        self.standing_m = self.standing_m.min(self.height_m(world));
+    }
+
     /// Height of the centre of mass above the ground, m.
     pub fn height_m(&self, world: &World) -> f64 {
         self.ground.at(&world.com().0).gap_m

@@ -6,7 +6,7 @@ use rollwalk_host::session::Session;
 use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::push::Shove;
 use rollwalk_protocol::faults::Fault;
-use rollwalk_protocol::library::ClipId;
+use rollwalk_protocol::library::{ClipId, LibrarySpec, MotionSpec, encode};
 use rollwalk_protocol::wire::{Action, State};
 use rollwalk_sim_host::ground::{Grounded, Moving};
 use rollwalk_sim_host::rig::Rig;
@@ -158,5 +158,37 @@ fn a_robot_without_torque_sinks_down_and_is_picked_up() {
     assert!(!ground(&session).is_held());
     session.run_for(5 * S).unwrap();
     assert!(ground(&session).is_held());
+    assert_eq!(ground(&session).falls(), []);
+}
+
+/// A robot whose SAFE motion lies on the body, in the pose in which `motions/stand_up.toml` begins, has not fallen.
+#[test]
+fn a_robot_that_begins_on_its_body_has_not_fallen() {
+    let robot = agilebot();
+    let config = robot.controller_config().unwrap();
+    let angle = |name: &str| -> f32 {
+        let of = |front, rear| if name.starts_with("front") { front } else { rear };
+        match name {
+            _ if name.ends_with("roll") => of(0.89, 0.17),
+            _ if name.ends_with("pitch") => of(-0.89, 1.59),
+            _ if name.ends_with("knee") => of(-1.06, -0.21),
+            _ => of(0.46, 0.0),
+        }
+    };
+    let joints = robot.joints.iter().map(|joint| angle(&joint.name));
+    let wheels = config.channels.len() - robot.joints.len();
+    let pose: Vec<f32> = joints.chain(std::iter::repeat_n(0.0, wheels)).collect();
+    let frames = [pose.clone(), pose].concat();
+    let lie = MotionSpec { name: "lie", code: 1, looping: false, frames: &frames, torques: &[] };
+    let spec = LibrarySpec { config: &config, motions: &[lie], transitions: &[], safe: 0 };
+    let mut bytes = vec![0; 1 << 16];
+    let length = encode(&spec, &mut bytes).unwrap();
+    let level: Arc<dyn Ground> = Arc::new(Plane::rising(0.0));
+    let mut session = connect(Rig::new(&robot).unwrap().onto_ground(&robot, &level, Vec::new()));
+    session.flash(&bytes[..length], |_| {}).unwrap();
+    session.arm().unwrap();
+    session.run_for(4 * S).unwrap();
+    let on_body_n = ground(&session).world().force_on_links().z;
+    assert!(!ground(&session).is_held() && on_body_n > 5.0, "it lies: {on_body_n}");
     assert_eq!(ground(&session).falls(), []);
 }
