@@ -106,9 +106,10 @@ impl<'r> View<'r> {
         let transmission = self.robot.transmission();
         let angle =
             |of: Option<&Joint>, other: f64| of.and_then(|j| j.position_rad).unwrap_or(other);
-        let nominal = transmission.motors(&nominal).into_iter().enumerate();
-        let motor_rad: Vec<_> =
-            nominal.map(|(k, nominal_rad)| angle(by_channel(k), nominal_rad)).collect();
+        let motors_rad = transmission.motors(&nominal);
+        let nominal = self.robot.of_driven_joints(&motors_rad).enumerate();
+        let driven = nominal.map(|(k, nominal_rad)| angle(by_channel(k), nominal_rad));
+        let motor_rad = self.robot.all_joints(driven, |_, joint| joint.nominal_rad);
         let joint_rad = transmission.joints(&motor_rad);
         let mut wheel_rad = vec![0.0; self.robot.end_effectors.len()];
         let gone_s = self.rolled_at.elapsed().as_secs_f64();
@@ -160,7 +161,8 @@ impl<'r> View<'r> {
         let speeds: Vec<_> = shafts.iter().map(|shaft| shaft[1]).collect();
         let torques: Vec<_> = shafts.iter().map(|shaft| shaft[2]).collect();
         let laws: Vec<_> = (0..shafts.len()).map(|channel| world.law(channel)).collect();
-        let targets: Vec<_> = laws[..joints].iter().map(|law| law.position_rad).collect();
+        let of_motors = laws.iter().map(|law| law.position_rad);
+        let targets = self.robot.all_joints(of_motors, |joint, _| joint_rad[joint]);
         let targets = self.robot.transmission().joints(&targets);
         let target_speeds: Vec<_> = laws.iter().map(|law| law.speed_rad_s).collect();
         let target = Posture { world_from_body, joint_rad: &targets, wheel_rad: &wheel_rad };
@@ -190,7 +192,7 @@ impl<'r> View<'r> {
 fn wheels(robot: &Robot) -> impl Iterator<Item = (usize, usize)> + '_ {
     let all = robot.end_effectors.iter().enumerate();
     let driven = all.filter(|(_, foot)| foot.contact.actuator().is_some());
-    (robot.joints.len()..).zip(driven.map(|(index, _)| index))
+    (robot.driven_joints().count()..).zip(driven.map(|(index, _)| index))
 }
 
 fn since_1970_s() -> f64 {

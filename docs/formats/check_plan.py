@@ -360,7 +360,8 @@ def joint_torques(line, k):
             if foot["link"] in beyond:
                 moment = sub(moment, cross(sub(e["position_m"], origin), e["force_n"]))
         angles = [line.states[n]["joint_rad"][index_of_joint] for n in (k - 1, k, k + 1)]
-        rotor = joint["actuator"]["armature_kg_m2"] * (angles[0] - 2 * angles[1] + angles[2]) * per_h2
+        armature = joint["actuator"]["armature_kg_m2"] if "actuator" in joint else 0.0
+        rotor = armature * (angles[0] - 2 * angles[1] + angles[2]) * per_h2
         spring = joint.get("spring", {"stiffness_nm_rad": 0.0, "rest_rad": 0.0, "damping_nm_s_rad": 0.0})
         stretch, speed = angles[1] - spring["rest_rad"], (angles[2] - angles[0]) / (2 * line.h)
         held = spring["stiffness_nm_rad"] * stretch + spring["damping_nm_s_rad"] * speed
@@ -645,6 +646,9 @@ def check_body(table, line):
         for joint, q, torque in zip(robot["joints"], s["joint_rad"], line.torques[i]):
             beyond = max(q - joint["position_max_rad"], joint["position_min_rad"] - q, 0)
             table.see("joint limit", beyond, i, joint["name"])
+            if "actuator" not in joint:  # a passive joint, which its spring alone balances
+                table.see("passive joint", abs(torque), i, joint["name"])
+                continue
             limit = joint["actuator"]["torque_max_nm"]
             beyond = max(abs(torque) - limit, 0)
             table.see("joint torque", beyond, i, joint["name"], limit)
@@ -738,6 +742,8 @@ def check_intervals(table, line):
         before = line.states[k - 1]
         angles = zip(before["joint_rad"], s["joint_rad"], after["joint_rad"])
         for joint, (q_last, q, q_next), torque in zip(line.robot["joints"], angles, line.torques[i]):
+            if "actuator" not in joint:
+                continue
             beyond = beyond_line(joint["actuator"], torque, (q_next - q_last) / (2 * line.h))
             if beyond is not None:
                 table.see("torque-speed line", beyond, i, joint["name"])

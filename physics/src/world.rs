@@ -106,6 +106,7 @@ impl World {
             world = Self::new(robot, ground, parameters, &state);
         }
         let nominal = robot.transmission().motors(&state.joint_rad);
+        let nominal: Vec<_> = robot.of_driven_joints(&nominal).collect();
         for (number, channel) in robot.channels().enumerate() {
             let mut law = Law::servo(channel.actuator());
             if let Channel::Joint(_) = channel {

@@ -231,6 +231,8 @@ catalogue! {
     WheelMotorSpeed: "wheel motor speed", "sec. 2.4.1", RadPerS, OfLimit(0.1), Limit, LONGER;
     JointTorque: "joint torque", "limb dynamics, mean", Nm, OfLimit(0.1), Limit,
         "straighter legs in [posture], or stronger motors";
+    PassiveJoint: "passive joint", "limb dynamics, mean", Nm, Residual(0.03), Build,
+        "a stiffer spring, a rest_rad nearer to the loaded angle, or wider limits of the joint";
     WheelTorque: "wheel torque", "radius × traction", Nm, OfLimit(0.1), Limit,
         "a motion with lower accelerations, or stronger wheel motors";
     TorqueSpeedLine: "torque-speed line", "torque and speed, mean", OfLine, Residual(0.1), Limit,
@@ -386,6 +388,9 @@ impl FamilySet {
     /// Limits due to shapes that obstruct a motion. A stronger motor does not remove them.
     pub const OBSTACLES: Self =
         Self::of(&[Family::LinkClearance, Family::GroundClearance, Family::ObstacleClearance]);
+
+    /// Families of joints without a motor. Plans of other robots do not list them.
+    pub const PASSIVE: Self = Self::of(&[Family::PassiveJoint]);
 
     /// Families of terrain with edges or obstacles. Plans on other ground do not list them.
     pub const TERRAIN: Self =

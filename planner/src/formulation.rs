@@ -28,8 +28,8 @@ use std::cell::{Cell, OnceCell};
 use terms::{
     Anchor, BladeContact, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular,
     DynamicsLinear, EvenForce, Foothold, Friction, GroundClearance, HeightBound, JointLimit,
-    JointSpeed, JointTorque, LiftOffSlip, LinkClearance, NoSlip, ObstacleClearance, Posture,
-    Smoothness, Steering, SwingClearance, SwingForce, TargetHeading, TargetPosition,
+    JointSpeed, JointTorque, LiftOffSlip, LinkClearance, NoSlip, ObstacleClearance, PassiveJoint,
+    Posture, Smoothness, Steering, SwingClearance, SwingForce, TargetHeading, TargetPosition,
     TargetVelocity, TorqueSpeed, Traction, Turn, WheelAxis, WheelEffort, WheelHeld,
     WheelSmoothness, WheelSpeed, WheelTorque,
 };
@@ -54,6 +54,7 @@ pub static TERMS: &[&dyn Term] = &[
     &JointSpeed,
     &WheelSpeed,
     &JointTorque,
+    &PassiveJoint,
     &WheelTorque,
     &TorqueSpeed,
     &Anchor,

@@ -358,7 +358,7 @@ mod tests {
             let mut torques_nm = [0.0; MAX_CHANNELS];
             cursor.torques_into(&read, &mut torques_nm).expect("torques");
             let planned = inverse.at(f64::from(frame) / f64::from(RATE_HZ));
-            for (channel, planned_nm) in planned.channels_nm().enumerate() {
+            for (channel, planned_nm) in planned.channels_nm(&drive.robot).enumerate() {
                 let quantum_nm = read.torque_quantum(channel).expect("a channel");
                 let error = f64::from(torques_nm[channel]) - planned_nm;
                 assert!(error.abs() < 0.501 * f64::from(quantum_nm), "{frame} {channel}: {error}");

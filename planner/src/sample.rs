@@ -65,12 +65,27 @@ pub struct PlanSpline {
 /// Set-points for the controller at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setpoints {
-    /// Angles of the joints' motors in joint order, rad. They are those of the joints unless motors are coupled.
+    /// Angles of the joints' motors in joint order, rad. They are those of the joints unless motors are coupled. Passive joints
+    /// have their planned angle.
     pub joint_rad: Vec<f64>,
     /// Speeds of the joints' motors in joint order, rad/s.
     pub joint_speed_rad_s: Vec<f64>,
     /// Motor speeds of the driven wheels in end-effector order, about the axis in the robot file, rad/s.
     pub motor_speed_rad_s: Vec<f64>,
+}
+
+impl Setpoints {
+    /// Set-points in channel order: angles of joints with a motor, rad, then speeds of driven wheels, rad/s.
+    pub fn channels<'a>(&'a self, robot: &'a Robot) -> impl Iterator<Item = f64> + 'a {
+        robot.of_driven_joints(&self.joint_rad).chain(self.motor_speed_rad_s.iter().copied())
+    }
+
+    /// Speeds of the motors in channel order, rad/s.
+    pub fn speeds_rad_s<'a>(&'a self, robot: &'a Robot) -> impl Iterator<Item = f64> + 'a {
+        robot
+            .of_driven_joints(&self.joint_speed_rad_s)
+            .chain(self.motor_speed_rad_s.iter().copied())
+    }
 }
 
 impl PlanSpline {

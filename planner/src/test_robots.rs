@@ -12,7 +12,8 @@ use rollwalk_robot::{
 };
 
 /// Shipped robots with driven wheels, free wheels and feet, and variants of them: AgileBot on welded wheels, AgileBot with
-/// torque-speed lines and coupled motors, SwizzleBot on two inline wheels per leg with drag, and SwizzleBot on skates.
+/// torque-speed lines and coupled motors, AgileBot with passive joints, SwizzleBot on two inline wheels per leg with drag, and
+/// SwizzleBot on skates.
 pub fn all() -> Vec<Robot> {
     let [agilebot, swizzlebot, creature3] = [
         ("agilebot.toml", include_str!("../../shipped/robots/agilebot.toml")),
@@ -23,6 +24,7 @@ pub fn all() -> Vec<Robot> {
     let made = [
         welded(&agilebot),
         coupled(with_lines(&agilebot)),
+        sprung(&agilebot),
         inline(&swizzlebot),
         on_skates(&swizzlebot),
     ];
@@ -103,6 +105,19 @@ fn coupled(mut robot: Robot) -> Robot {
         rod_in_child_m: Vector3::new(0.0109, 0.0, -0.028),
         nominal_rad: 0.2,
     });
+    robot
+}
+
+/// Returns AgileBot with springs instead of motors at its front knees, and at the last joint of its other legs.
+fn sprung(robot: &Robot) -> Robot {
+    let mut robot = Robot { name: format!("{}_sprung", robot.name), ..robot.clone() };
+    for (leg, hip) in (0..robot.joints.len()).step_by(4).enumerate() {
+        let joint = &mut robot.joints[if leg < 2 { hip + 2 } else { hip + 3 }];
+        let rest_rad = joint.nominal_rad - 0.1;
+        joint.actuator = Actuator::none();
+        joint.spring =
+            Some(JointSpring { stiffness_nm_rad: 12.0, rest_rad, damping_nm_s_rad: 0.05 });
+    }
     robot
 }
 

@@ -33,7 +33,8 @@ pub struct InverseDynamics {
 /// Motor torques and ground forces at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Actuation {
-    /// Torque of every joint's motor, in joint order, N·m. Without a coupling, it acts about the joint's axis on the child.
+    /// Torque of every joint's motor, in joint order, N·m. Without a coupling, it acts about the joint's axis on the child. For
+    /// a passive joint, the torque that its spring does not balance.
     pub joint_nm: Vec<f64>,
     /// Torque of every wheel's motor on the wheel about the axis in the robot file, in end-effector order, N·m. `None` without
     /// a motor.
@@ -48,9 +49,9 @@ pub struct Actuation {
 }
 
 impl Actuation {
-    /// Torques in channel order: joints, then driven wheels, N·m.
-    pub fn channels_nm(&self) -> impl Iterator<Item = f64> + '_ {
-        self.joint_nm.iter().chain(self.motor_nm.iter().flatten()).copied()
+    /// Torques in channel order: joints with a motor, then driven wheels, N·m.
+    pub fn channels_nm<'a>(&'a self, robot: &'a Robot) -> impl Iterator<Item = f64> + 'a {
+        robot.of_driven_joints(&self.joint_nm).chain(self.motor_nm.iter().flatten().copied())
     }
 }
 

@@ -47,7 +47,8 @@ impl WholeBody {
 
     /// Set-points of joints and driven wheels at `plan_time_s`, and torques in channel order, N·m.
     pub fn setpoints(&mut self, plan_time_s: f64) -> (Setpoints, Vec<f64>) {
-        let torques_nm = self.inverse.at(plan_time_s).channels_nm().collect();
+        let actuation = self.inverse.at(plan_time_s);
+        let torques_nm = actuation.channels_nm(self.tree().robot()).collect();
         (self.inverse.spline().setpoints(plan_time_s), torques_nm)
     }
 

@@ -26,6 +26,28 @@ pub struct Actuator {
     pub id: u8,
 }
 
+impl Actuator {
+    /// Absent motor of a passive joint: no torque, gains or rotor.
+    pub fn none() -> Self {
+        Self {
+            model: String::new(),
+            speed_max_rad_s: 0.0,
+            torque_max_nm: 0.0,
+            torque_speed: None,
+            kp_nm_rad: 0.0,
+            kd_nm_s_rad: 0.0,
+            armature_kg_m2: 0.0,
+            bus: 0,
+            id: 0,
+        }
+    }
+
+    /// Returns true for the absent motor of a passive joint.
+    pub fn is_none(&self) -> bool {
+        *self == Self::none()
+    }
+}
+
 /// Torque-speed line of a DC motor at its supply voltage. While the motor drives its load,
 /// |torque| / stall torque + |speed| / no-load speed ≤ 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -97,11 +97,38 @@ fn crank_range(joint: &Joint, robot: &Robot) -> Option<[f64; 2]> {
 }
 
 impl Robot {
-    /// Channels of the robot: joints in file order, then actuated wheels in end-effector order.
+    /// Indices of the joints with a servo, in channel order.
+    pub fn driven_joints(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.joints.len()).filter(|&joint| !self.joints[joint].is_passive())
+    }
+
+    /// Values of the joints with a servo, in channel order, from values of all joints.
+    pub fn of_driven_joints<'a, T: Copy>(
+        &'a self,
+        of_joints: &'a [T],
+    ) -> impl Iterator<Item = T> + 'a {
+        self.driven_joints().map(|joint| of_joints[joint])
+    }
+
+    /// Values of all joints: those of the channels for joints with a servo, and the given ones for passive joints.
+    pub fn all_joints(
+        &self,
+        of_channels: impl IntoIterator<Item = f64>,
+        of_passive: impl Fn(usize, &Joint) -> f64,
+    ) -> Vec<f64> {
+        let mut of_channels = of_channels.into_iter();
+        let mut value = |(index, joint): (usize, &Joint)| {
+            let driven = if joint.is_passive() { None } else { of_channels.next() };
+            driven.unwrap_or_else(|| of_passive(index, joint))
+        };
+        self.joints.iter().enumerate().map(&mut value).collect()
+    }
+
+    /// Channels of the robot: joints with a servo in file order, then actuated wheels in end-effector order.
     pub fn channels(&self) -> impl Iterator<Item = Channel<'_>> {
         let wheels = self.end_effectors.iter().filter_map(|end_effector| {
             Some(Channel::Wheel(end_effector, end_effector.contact.actuator()?))
         });
-        self.joints.iter().map(Channel::Joint).chain(wheels)
+        self.driven_joints().map(|joint| Channel::Joint(&self.joints[joint])).chain(wheels)
     }
 }

@@ -47,7 +47,7 @@ pub struct Link {
     pub shapes: Vec<Shape>,
 }
 
-/// Revolute joint with a motor.
+/// Revolute joint with a motor, or a passive joint with a spring.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Joint {
@@ -68,7 +68,8 @@ pub struct Joint {
     pub position_max_rad: f64,
     /// Angle in the nominal standing pose, rad.
     pub nominal_rad: f64,
-    /// Servo of the joint.
+    /// Servo of the joint; [`Actuator::none`] for a passive joint, which is absent in plan files.
+    #[serde(default = "Actuator::none", skip_serializing_if = "Actuator::is_none")]
     pub actuator: Actuator,
     /// Ratios of the servo's angle to the angles of all joints that it turns, such as those of a belt or a differential. Empty
     /// for a servo whose angle is that of its own joint.
@@ -77,7 +78,7 @@ pub struct Joint {
     /// Crank and rod by which the servo turns the joint; `None` for other servos.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub linkage: Option<Linkage>,
-    /// Spring and damper beside the servo; `None` for a joint that turns freely.
+    /// Spring and damper beside the servo, or of a passive joint; `None` for a joint that turns freely.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spring: Option<JointSpring>,
 }
@@ -111,6 +112,11 @@ pub struct JointRatio {
 }
 
 impl Joint {
+    /// Returns true for a joint without a servo, which a spring holds.
+    pub fn is_passive(&self) -> bool {
+        self.actuator.is_none()
+    }
+
     /// Returns true if the angle of the servo differs from that of the joint.
     pub fn is_coupled(&self) -> bool {
         !self.motor_per_joint.is_empty() || self.linkage.is_some()

@@ -75,6 +75,7 @@ fn all() -> Vec<(Robot, [usize; 3], std::ops::Range<f64>)> {
         "pup": [8, 4, 12], 0.6..0.7;
         "pup_belt": [8, 4, 12], 0.6..0.7;
         "pup_five_bar": [8, 4, 12], 0.6..0.7;
+        "pup_toes": [12, 4, 8], 0.5..0.6;
         "skatebot": [16, 8, 16], 0.4..0.7;
         "skaterbot": [16, 8, 16], 4.0..5.0;
         "swizzlebot": [12, 4, 12], 3.0..4.0;

@@ -19,7 +19,7 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub struct Body {
     tree: Tree,
-    /// Servos in channel order: joints, then actuated wheels.
+    /// Servos in channel order: joints with a motor, then actuated wheels.
     servos: Vec<Servo>,
     addresses: Vec<(u8, u8)>,
     /// World of a robot on the ground; `None` if a stand holds the body level and still.
@@ -30,7 +30,8 @@ impl Body {
     /// Creates a robot at rest in its nominal pose on a stand, with torque off.
     pub fn new(robot: &Robot) -> Self {
         let nominal: Vec<_> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
-        let mut nominal = robot.transmission().motors(&nominal).into_iter();
+        let nominal = robot.transmission().motors(&nominal);
+        let mut nominal = robot.of_driven_joints(&nominal);
         let servos = robot.channels().map(|channel| {
             let config = channel.config(robot);
             let plant = match channel {
@@ -88,7 +89,7 @@ impl Body {
 
     /// True value of each channel, rad for a joint, rad/s for a wheel.
     pub fn values(&self) -> Vec<f32> {
-        let joints = self.tree.robot().joints.len();
+        let joints = self.tree.robot().driven_joints().count();
         let value = |(channel, servo): (usize, &Servo)| {
             let Plant { position_rad, speed_rad_s, .. } = servo.plant;
             (if channel < joints { position_rad } else { speed_rad_s }) as f32
@@ -101,10 +102,16 @@ impl Body {
         if self.ground.is_some() {
             return;
         }
-        let servos = self.servos[..self.tree.robot().joints.len()].iter();
-        let (angles, speeds): (Vec<_>, Vec<_>) =
-            servos.map(|servo| (servo.plant.position_rad, servo.plant.speed_rad_s)).unzip();
+        let robot = self.tree.robot();
+        let plants = || self.servos.iter().map(|servo| &servo.plant);
+        // On the stand, springs of passive joints are relaxed.
+        let angles = robot.all_joints(plants().map(|plant| plant.position_rad), |_, joint| {
+            let rest_rad = joint.spring.unwrap_or_default().rest_rad;
+            rest_rad.clamp(joint.position_min_rad, joint.position_max_rad)
+        });
+        let speeds = robot.all_joints(plants().map(|plant| plant.speed_rad_s), |_, _| 0.0);
         let loads = motor_loads(&self.tree, &angles, &speeds);
+        let loads: Vec<_> = robot.of_driven_joints(&loads).collect();
         for (servo, load) in self.servos.iter_mut().zip(loads) {
             let JointLoad { inertia_kg_m2, torque_nm, stiffness_nm_rad, damping_nm_s_rad } = load;
             let plant = &mut servo.plant;

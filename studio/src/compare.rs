@@ -13,6 +13,7 @@ use rollwalk_planner::plan::Plan;
 use rollwalk_planner::sample::Setpoints;
 use rollwalk_protocol::config::MAX_CHANNELS;
 use rollwalk_protocol::library::{ClipCursor, Library, NodeId, validate};
+use rollwalk_robot::Robot;
 
 /// Maximum difference between matching frames, rad and rad/s. Rounding in the library causes 0.0005 of it. The rest allows for
 /// an optimum reached from another start, after an edit that was undone.
@@ -54,7 +55,7 @@ fn verdict(plan: &Plan, name: &str, bytes: &[u8]) -> Result<u8, String> {
         return Err(format!("the duration of `{name}` differs between library and plan"));
     }
     let [joint_rad, wheel_rad_s] =
-        largest_difference(&library, node, &setpoints).ok_or_else(unreadable)?;
+        largest_difference(&plan.robot, &library, node, &setpoints).ok_or_else(unreadable)?;
     if joint_rad > SAME {
         return Err(format!(
             "a joint of `{name}` in the library differs by {joint_rad:.3} rad from the plan"
@@ -70,6 +71,7 @@ fn verdict(plan: &Plan, name: &str, bytes: &[u8]) -> Result<u8, String> {
 
 /// Maximum difference between the frames of the library and of the plan: joints, rad, and driven wheels, rad/s.
 fn largest_difference(
+    robot: &Robot,
     library: &Library<'_>,
     node: NodeId,
     setpoints: &[Setpoints],
@@ -79,11 +81,11 @@ fn largest_difference(
     for frame in setpoints {
         let mut values = [0.0; MAX_CHANNELS];
         cursor.frame_into(library, &mut values).ok()?;
-        let (joints, wheels) = values.split_at_checked(frame.joint_rad.len())?;
-        let tracks = [(joints, &frame.joint_rad), (wheels, &frame.motor_speed_rad_s)];
-        for (worst, (values, planned)) in worst.iter_mut().zip(tracks) {
-            let apart = values.iter().zip(planned).map(|(is, to)| (f64::from(*is) - to).abs());
-            *worst = apart.fold(*worst, f64::max);
+        let joints = robot.driven_joints().count();
+        let both = values.iter().zip(frame.channels(robot)).enumerate();
+        for (channel, (stored, planned)) in both {
+            let worst = &mut worst[usize::from(channel >= joints)];
+            *worst = f64::max(*worst, (f64::from(*stored) - planned).abs());
         }
         cursor.advance(library).ok()?;
     }

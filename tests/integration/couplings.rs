@@ -1,5 +1,5 @@
-//! Tests of robots whose knees have springs, or belts or cranks and rods from motors in the body: plan, library behind the bus,
-//! tracking and exports.
+//! Tests of robots with springs, belts, or cranks and rods from motors in the body: plan, library behind the bus, tracking and
+//! exports.
 
 use crate::desk_with_shipped_files;
 use rollwalk_tests::Desk;
@@ -10,8 +10,8 @@ const LIBRARY: &str = "name = \"legs\"\nrobot = \"robots/ROBOT.toml\"\nsafe = \"
     [[motion]]\nname = \"walk\"\nfile = \"motions/ROBOT_walk.toml\"\ncode = 2\n\
     [via_safe]\nduration_s = 1.2\nsamples = 25\n";
 
-/// Builds a library of a robot's stand and walk, plays it on the ground behind the bus, and tracks the walk. Exports the walk to
-/// `walk.xml`.
+/// Builds a library of a robot's stand and walk, and plays it on the ground behind the bus. Plans the walk and exports it
+/// to `walk.xml`.
 fn walked(desk: &Desk, robot: &str) {
     let stand = desk.read_text("motions/pup_stand.toml");
     desk.write("stand.toml", stand.replace("../robots/pup", &format!("robots/{robot}")));
@@ -27,7 +27,6 @@ fn walked(desk: &Desk, robot: &str) {
     assert!((0.38..0.42).contains(&ahead_m), "{ahead_m}");
 
     desk.make(&["plan", &format!("motions/{robot}_walk.toml"), "-o", "walk.json"]);
-    desk.run(&["simulate", "walk.json", "--tracking"]).succeeds();
     desk.run(&["export", "walk.json", "-o", "walk.xml"]).succeeds();
 }
 
@@ -35,6 +34,7 @@ fn walked(desk: &Desk, robot: &str) {
 fn walked_coupled(robot: &str) -> String {
     let desk = desk_with_shipped_files();
     walked(&desk, robot);
+    desk.run(&["simulate", "walk.json", "--tracking"]).succeeds();
     desk.run(&["retarget", "walk.json", "-o", "corrected.json"])
         .fails(1, &["the motor of joint `front_left_knee` is coupled"]);
     desk.read_text("walk.xml")
@@ -62,6 +62,7 @@ fn springs_at_the_knees_relieve_the_motors_of_a_walk() {
     let walk = desk.read_text("motions/pup_walk.toml");
     desk.write("motions/pup_sprung_walk.toml", walk.replace("pup.toml", "pup_sprung.toml"));
     walked(&desk, "pup_sprung");
+    desk.run(&["simulate", "walk.json", "--tracking"]).succeeds();
     assert_eq!(desk.read_text("walk.xml").matches("springref=").count(), 4);
     let [plain_nm, sprung_nm] = ["plain.json", "walk.json"].map(peak_nm);
     assert!(sprung_nm < 0.8 * plain_nm, "{plain_nm} to {sprung_nm} N·m");
@@ -79,4 +80,19 @@ fn a_robot_with_five_bar_legs_walks_behind_the_bus_and_tracked() {
     let model = walked_coupled("pup_five_bar");
     assert_eq!(model.matches("<spatial name=\"").count(), 4);
     assert_eq!(model.matches("tendon1=\"front_left_knee_rod\"").count(), 1);
+}
+
+#[test]
+fn a_robot_with_sprung_feet_walks_behind_the_bus() {
+    let desk = desk_with_shipped_files();
+    walked(&desk, "pup_toes");
+    desk.run(&["retarget", "walk.json", "-o", "corrected.json"])
+        .fails(1, &["joint `front_left_toe` has no motor"]);
+    // No encoder measures the toes.
+    desk.run(&["simulate", "walk.json"]).succeeds();
+    let model = desk.read_text("walk.xml");
+    assert_eq!(model.matches("springref=").count(), 4);
+    assert_eq!(model.matches("<position ").count(), 8, "no motor turns the toes");
+    let described = desk.run(&["robot", "check", "robots/pup_toes.toml"]).succeeds();
+    assert!(described.contains("natural Hz"), "{described}");
 }

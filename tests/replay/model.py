@@ -56,9 +56,9 @@ class Model:
         self.wheel_dofs = [m.jnt_dofadr[w] if w >= 0 else -1 for w in wheels]
         # One row for each channel: joints, then driven wheels. Actuators have the same order.
         self.channels = robots.channels(robot)
-        self.channel_dofs = np.array(
-            list(self.joint_dofs) + [self.wheel_dofs[c[3]] for c in self.channels if c[3] is not None], dtype=int
-        )
+        joints = list(self.joint_dofs[robots.driven(robot)])
+        wheels = [self.wheel_dofs[c[3]] for c in self.channels if c[3] is not None]
+        self.channel_dofs = np.array(joints + wheels, dtype=int)
         self.mass_kg = float(m.body_subtreemass[1])
 
     def place(self, position, yaw_pitch_roll, joint_rad, wheel_rad):
@@ -165,7 +165,7 @@ def _link(robot, index, clear, out):
         name, child = joint["name"], robot["links"][joint["child"]]["name"]
         turn = _numbers(frame["orientation_wxyz"])
         out.append(f'<body name="link:{child}" pos="{_numbers(frame["position_m"])}" quat="{turn}">')
-        armature = joint["actuator"]["armature_kg_m2"]
+        armature = joint["actuator"]["armature_kg_m2"] if "actuator" in joint else 0.0
         axis = _numbers(joint["axis_in_joint"])
         out.append(f'<joint name="joint:{name}" axis="{axis}" armature="{armature!r}"{_spring(joint)}/>')
         _link(robot, joint["child"], clear, out)

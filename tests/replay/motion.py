@@ -132,7 +132,7 @@ class Motion:
 
         def of(sample):
             wheels = [sample["end_effectors"][j]["motor_torque_nm"] for j in driven]
-            return np.array(list(sample["joint_torque_nm"]) + wheels)
+            return np.array([sample["joint_torque_nm"][k] for k in robots.driven(self.robot)] + wheels)
 
         last = len(self.samples) - 1
         following = i + 1 if i < last else (0 if self.periodic else last)
@@ -176,7 +176,7 @@ class Motion:
         rows = []
         for k in range(count):
             joints, motors = self.setpoints_rad(k / rate), self.motors(k / rate)[1]
-            rows.append(np.concatenate([joints, motors[driven]]))
+            rows.append(np.concatenate([joints[robots.driven(self.robot)], motors[driven]]))
         return quantised(np.array(rows), self.robot)
 
 

@@ -157,7 +157,7 @@ def _joint(joint, place, link_index, actuators, limb):
         "position_min_rad": joint["position_min_rad"],
         "position_max_rad": joint["position_max_rad"],
         "nominal_rad": joint["nominal_rad"],
-        "actuator": _actuator(actuators, joint["actuator"]),
+        **({"actuator": _actuator(actuators, joint["actuator"])} if "actuator" in joint else {}),
         **_spring(joint),
     }
 
@@ -242,9 +242,15 @@ def difference(a, b, path="robot"):
     return None if a == b else f"{path} is {a!r} and {b!r}"
 
 
+def driven(robot):
+    """Indices of the joints with a motor."""
+    return [k for k, joint in enumerate(robot["joints"]) if "actuator" in joint]
+
+
 def channels(robot):
-    """(name, actuator, joint or None, end effector index or None) in channel order: joints, then driven wheels."""
-    found = [(joint["name"], joint["actuator"], joint, None) for joint in robot["joints"]]
+    """(name, actuator, joint or None, end effector index or None) in channel order: joints with a motor, then driven
+    wheels."""
+    found = [(robot["joints"][k]["name"], robot["joints"][k]["actuator"], robot["joints"][k], None) for k in driven(robot)]
     for index, foot in enumerate(robot["end_effectors"]):
         if "actuator" in foot["contact"]:
             found.append((foot["name"], foot["contact"]["actuator"], None, index))

@@ -12,6 +12,7 @@ import numpy as np
 
 import feedforward
 import player
+import robots
 from drives import Drives
 from model import Ground, Model
 from motion import quantised_torques
@@ -257,8 +258,8 @@ class Simulation:
         track.planned_stance.append(stance)
         force = d.actuator_force
         track.saturated.append((force >= high - 1e-9) | (force <= low + 1e-9))
-        joints = len(self.model.joint_qpos)
-        errors = np.abs(d.qpos[self.model.joint_qpos] - position_rad[:joints])
+        driven = self.model.joint_qpos[robots.driven(self.model.robot)]
+        errors = np.abs(d.qpos[driven] - position_rad[: len(driven)])
         track.joint_error_rad.append(errors.max(initial=0.0))
         com = d.subtree_com[1][2]
         # The centre of mass is below its plan by as much as the body, whose origin is arbitrary.

@@ -9,6 +9,7 @@ use crate::watch::watched;
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use rollwalk_multibody::rotation::nearer_quaternion;
+use rollwalk_robot::Robot;
 use rollwalk_simulate::{Control, Feedback, Mismatch, Moment, Options, RunOutcome, play};
 use std::fmt::Display;
 use std::ops::RangeInclusive;
@@ -68,8 +69,12 @@ struct Step {
 }
 
 impl Step {
-    fn of(moment: &Moment<'_>, joints: usize, before: Option<&Self>) -> Self {
+    fn of(moment: &Moment<'_>, robot: &Robot, before: Option<&Self>) -> Self {
         let world = moment.world;
+        let mut torque_nm = vec![0.0; robot.joints.len()];
+        // Channels are motors of joints first, then of wheels.
+        let shafts = robot.driven_joints().enumerate();
+        shafts.for_each(|(channel, joint)| torque_nm[joint] = world.shaft(channel)[2]);
         let (base, rotation) = world.base();
         let turned = wxyz(&rotation);
         Self {
@@ -78,11 +83,10 @@ impl Step {
             base_m: base.into(),
             turned: before.map_or(turned, |before| nearer_quaternion(turned, &before.turned)),
             com_m: world.com().0.into(),
-            // Channels are motors of joints first, then of wheels.
-            joints: (0..joints)
-                .map(|joint| {
+            joints: (torque_nm.into_iter().enumerate())
+                .map(|(joint, torque_nm)| {
                     let [angle_rad, speed_rad_s] = world.joint(joint);
-                    [angle_rad, speed_rad_s, world.shaft(joint)[2]]
+                    [angle_rad, speed_rad_s, torque_nm]
                 })
                 .collect(),
             force_n: world.touches().map(|touch| touch.force.into()).collect(),
@@ -216,7 +220,7 @@ pub fn simulate(
     let mut steps = Vec::new();
     let played = watched(py, progress.as_ref(), |watch| {
         play(plan, &options, |moment| {
-            steps.push(Step::of(moment, joints, steps.last()));
+            steps.push(Step::of(moment, &plan.robot, steps.last()));
             watch.at(moment.done_s / moment.all_s).is_continue()
         })
     })?;

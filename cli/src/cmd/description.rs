@@ -30,15 +30,16 @@ pub fn describe(robot: &Robot) -> String {
     ]);
     for joint in &robot.joints {
         let Actuator { model, speed_max_rad_s, torque_max_nm, bus, id, .. } = &joint.actuator;
+        let of_motor = |text: String| if joint.is_passive() { "–".to_owned() } else { text };
         joints.row([
             joint.name.clone(),
             format!("{:.3}", joint.position_min_rad),
             format!("{:.3}", joint.position_max_rad),
             format!("{:.3}", joint.nominal_rad),
-            format!("{speed_max_rad_s:.2}"),
-            format!("{torque_max_nm:.2}"),
-            model.clone(),
-            format!("{bus}:{id}"),
+            of_motor(format!("{speed_max_rad_s:.2}")),
+            of_motor(format!("{torque_max_nm:.2}")),
+            of_motor(model.clone()),
+            of_motor(format!("{bus}:{id}")),
         ]);
     }
     let _ = writeln!(text, "\n{}", joints.render());
@@ -90,6 +91,9 @@ fn couplings(robot: &Robot) -> Table {
         "joint N·m",
     ]);
     for (index, joint) in robot.joints.iter().enumerate() {
+        if joint.is_passive() {
+            continue;
+        }
         let speed_rad_s = ratios.joint_speed_max_rad_s(robot, index);
         let torque_nm = ratios.joint_torque_max_nm(robot, index);
         let moves_alone = !joint.is_coupled() && torque_nm == joint.actuator.torque_max_nm;

@@ -1,7 +1,7 @@
 //! Statics of a robot in its nominal pose: heights, forces, torques against limits, sag and clearance, with the warnings of
 //! `rollwalk robot check`.
 
-use rollwalk_multibody::{Standing, Tree, warnings};
+use rollwalk_multibody::{PassiveLoad, Standing, Tree, passive_loads, warnings};
 use rollwalk_robot::Robot;
 use rollwalk_terminal::output::{Table, fixed};
 use serde::Serialize;
@@ -26,6 +26,9 @@ pub struct StandingReport {
     com_m: [f64; 3],
     contacts: Vec<ContactLoad>,
     joints: Vec<Joint>,
+    /// Joints without a motor; left out if there are none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    passive_joints: Vec<PassiveJoint>,
     clearance_margin_m: f64,
     /// Distances between shapes of links, closest first.
     clearances: Vec<Clearance>,
@@ -56,6 +59,33 @@ struct Joint {
     share: f64,
     /// Deflection, rad: torque / stiffness.
     yields_rad: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct PassiveJoint {
+    name: String,
+    /// Torque of the spring, N·m, and angles of the joint with and without deflection. `null` if the spring is too soft.
+    torque_nm: Option<f64>,
+    stands_at_rad: Option<f64>,
+    deflection_rad: Option<f64>,
+    /// Natural frequency of the links beyond the joint, Hz, and its damping ratio.
+    natural_hz: f64,
+    damping_ratio: f64,
+}
+
+impl PassiveJoint {
+    fn new(robot: &Robot, load: &PassiveLoad) -> Self {
+        let joint = &robot.joints[load.joint];
+        let spring = joint.spring.unwrap_or_default();
+        Self {
+            name: joint.name.clone(),
+            torque_nm: load.stands_at_rad.map(|at_rad| spring.torque_nm(at_rad, 0.0)),
+            stands_at_rad: load.stands_at_rad,
+            deflection_rad: load.stands_at_rad.map(|at_rad| at_rad - spring.rest_rad),
+            natural_hz: load.natural_hz,
+            damping_ratio: load.damping_ratio,
+        }
+    }
 }
 
 #[derive(Debug, Serialize)]
@@ -95,6 +125,8 @@ impl StandingReport {
         let standing = Standing::new(&tree)?;
         let contacts = robot.end_effectors.iter().zip(&standing.contacts);
         let joints = robot.joints.iter().zip(&standing.torque_nm);
+        let joints = joints.filter(|(joint, _)| !joint.is_passive());
+        let passive = passive_loads(&tree, &standing);
         let mut clearances: Vec<_> = robot
             .clearance_pairs()
             .map(|pair| Clearance {
@@ -130,6 +162,7 @@ impl StandingReport {
                     yields_rad: torque_nm / joint.actuator.kp_nm_rad,
                 })
                 .collect(),
+            passive_joints: passive.iter().map(|load| PassiveJoint::new(robot, load)).collect(),
             clearance_margin_m: robot.clearance_margin_m,
             clearances,
             heights: links.filter_map(height).collect(),
@@ -283,6 +316,28 @@ impl StandingReport {
                 ]);
             }
             let _ = writeln!(text, "\n{}", joints.render());
+        }
+        if !self.passive_joints.is_empty() {
+            let mut springs = Table::new([
+                "spring",
+                "torque N·m",
+                "deflects rad",
+                "stands at rad",
+                "natural Hz",
+                "damping ratio",
+            ]);
+            let or = |value: Option<f64>| value.map_or("too soft".to_owned(), fixed::<3>);
+            for joint in &self.passive_joints {
+                springs.row([
+                    joint.name.clone(),
+                    or(joint.torque_nm),
+                    or(joint.deflection_rad),
+                    or(joint.stands_at_rad),
+                    format!("{:.1}", joint.natural_hz),
+                    fixed::<2>(joint.damping_ratio),
+                ]);
+            }
+            let _ = writeln!(text, "\n{}", springs.render());
         }
         if !self.clearances.is_empty() {
             let margin = format!("margin {:.1} mm", 1e3 * self.clearance_margin_m);

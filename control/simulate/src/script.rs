@@ -111,7 +111,7 @@ impl<'a> Script<'a> {
         let setpoints = self.spline.setpoints(time_s);
         let sample = self.spline.sample(time_s);
         let share = f64::from(u8::from(self.feed_forward));
-        let joints = (0..).zip(&self.robot().joints).map(|(number, _): (usize, _)| {
+        let joints = self.robot().driven_joints().map(|number| {
             let [position, speed, torque] = [
                 setpoints.joint_rad[number],
                 setpoints.joint_speed_rad_s[number],

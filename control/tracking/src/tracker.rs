@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! min   Σ weight |J ν̇ − wanted|²  +  weight |f − planned|²
-//! with  M ν̇ + h = Σ Jᵀ f          where no motor is: the base, and wheels that turn freely
+//! with  M ν̇ + h = Σ Jᵀ f          where no motor is: the base, passive joints, and wheels that turn freely
 //!       f within a friction pyramid,   |M ν̇ + h − Σ Jᵀ f| ≤ most torque   where one is
 //! ```
 //!
@@ -137,8 +137,8 @@ pub struct Tracker {
     planned_rad: Vec<f64>,
     /// Angles of the motors of joints less ratios times angles; empty for constant ratios.
     offsets_rad: Vec<f64>,
-    /// Degrees of freedom of wheels without motors.
-    free_wheels: Vec<usize>,
+    /// Degrees of freedom of passive joints, and of wheels without motors.
+    undriven: Vec<usize>,
     planned: Kinematics,
     measured: Kinematics,
     composite: CompositeInertia,
@@ -184,7 +184,8 @@ impl Tracker {
         }
         let motors = robot.channels().map(|channel| channel.actuator().clone());
         let ratios = tree.transmission().nominal();
-        let joints = (0..robot.joints.len())
+        let joints = robot
+            .driven_joints()
             .map(|joint| (dofs_of(ratios.ratios(joint)), dofs_of(ratios.torque_factors(joint))));
         let is_driven = |wheel: usize| robot.end_effectors[wheel].contact.actuator().is_some();
         let wheels = || tree.wheels().iter().map(|wheel| wheel.end_effector);
@@ -202,8 +203,9 @@ impl Tracker {
                 torque_max_nm: motor.torque_max_nm,
             })
             .collect();
-        let free_wheels: Vec<usize> =
-            wheels().filter(|&wheel| !is_driven(wheel)).map(dof).collect();
+        let passive = (0..robot.joints.len()).filter(|&joint| robot.joints[joint].is_passive());
+        let free_wheels = wheels().filter(|&wheel| !is_driven(wheel)).map(dof);
+        let undriven: Vec<usize> = passive.map(|joint| JOINTS + joint).chain(free_wheels).collect();
         let dofs = tree.dofs();
         let feet: Vec<Foot> = robot
             .end_effectors
@@ -232,7 +234,7 @@ impl Tracker {
         let nominal = State::nominal(&tree);
         let still = Kinematics::new(&tree, &nominal.configuration());
         let unknowns = dofs + 3 * feet.len();
-        let equalities = JOINTS + free_wheels.len();
+        let equalities = JOINTS + undriven.len();
         let constraints = equalities + constraints::OF_CONTACT * feet.len() + 2 * channels.len();
         let mut program = Program::zeros(unknowns, constraints);
         program.equalities = equalities;
@@ -243,7 +245,7 @@ impl Tracker {
             channels,
             planned_rad: Vec::new(),
             offsets_rad: Vec::new(),
-            free_wheels,
+            undriven,
             composite: CompositeInertia::new(&tree, &still.frames),
             planned: still.clone(),
             measured: still,
@@ -472,16 +474,20 @@ impl Tracker {
         }
         let ahead_rad = &self.ahead.joint_rad;
         let ratios = transmission.at(ahead_rad);
-        for (joint, channel) in self.channels[..ahead_rad.len()].iter_mut().enumerate() {
+        let driven = self.tree.robot().driven_joints();
+        for (joint, channel) in driven.zip(&mut self.channels) {
             channel.ratios = dofs_of(ratios.ratios(joint));
             channel.torques = dofs_of(ratios.torque_factors(joint));
         }
-        self.planned_rad = transmission.motors(&reference.state.joint_rad);
+        let robot = self.tree.robot();
+        let planned_rad = transmission.motors(&reference.state.joint_rad);
+        self.planned_rad = robot.of_driven_joints(&planned_rad).collect();
         // Angles of motors are linear around the state ahead.
         let linear = ratios.motors(ahead_rad);
         let motors = transmission.motors(ahead_rad);
-        self.offsets_rad =
+        let offsets_rad: Vec<_> =
             motors.iter().zip(linear).map(|(motor, linear)| motor - linear).collect();
+        self.offsets_rad = robot.of_driven_joints(&offsets_rad).collect();
     }
 
     /// True if the robot has fallen.

@@ -88,7 +88,7 @@ impl<'a> Build<'a> {
             hinges.push(motor.clone());
             self.joints.push(self.assembly.add(Motor { spring: joint.spring, ..motor }));
         }
-        for index in 0..hinges.len() {
+        for index in self.robot.driven_joints() {
             let motor = self.motor(index, &hinges);
             self.motors.push(motor);
         }

@@ -9,7 +9,7 @@ use crate::world::Parameters;
 use nalgebra::Vector3;
 use rollwalk_robot::Joint;
 
-/// Deflection of a stop under the motor's maximum torque, rad.
+/// Deflection of a stop under the motor's maximum torque, or that of the spring of a passive joint, rad.
 const STOP_RAD: f64 = 0.02;
 
 /// Hinge between two bodies.
@@ -51,7 +51,13 @@ impl Hinge {
 /// Mechanical stops at the limits of a joint.
 pub(super) fn stops(joint: &Joint) -> Stops {
     let range_rad = [joint.position_min_rad, joint.position_max_rad];
-    Stops { range_rad, stiffness_nm_rad: joint.actuator.torque_max_nm / STOP_RAD }
+    // A stop of a passive joint holds as much as its spring at the farther limit.
+    let spring_nm = |angle_rad| joint.spring.map_or(0.0, |of| of.torque_nm(angle_rad, 0.0).abs());
+    let most_nm = match joint.is_passive() {
+        true => range_rad.map(spring_nm).into_iter().fold(0.0, f64::max),
+        false => joint.actuator.torque_max_nm,
+    };
+    Stops { range_rad, stiffness_nm_rad: most_nm / STOP_RAD }
 }
 
 /// Radius of gyration of a body about the axis of largest inertia, m.

@@ -343,3 +343,33 @@ fn a_joint_with_a_spring_oscillates_with_its_period_and_damping() {
     assert!(fine < 5e-3 * amplitude_rad, "{fine}");
     assert!((1.7..2.3).contains(&(coarse / fine).log2()), "{coarse} and {fine}");
 }
+
+#[test]
+fn sprung_toes_settle_where_the_spring_balances_ground_force_and_weight() {
+    let robot = robot("pup_toes");
+    let parameters = Parameters::new(&robot);
+    let mut world = standing(&robot, Plane::level(), &parameters);
+    for _ in 0..240 {
+        world.step(STEP_S).unwrap();
+    }
+    let (_, rotation) = world.base();
+    let pitch_rad = rotation[(0, 2)].atan2(rotation[(0, 0)]);
+    for leg in 0..4 {
+        let [hip, knee, toe] = [0, 1, 2].map(|joint| world.joint(3 * leg + joint)[0]);
+        let (sine, cosine) = (pitch_rad + hip + knee + toe).sin_cos();
+        let turned = |[x, z]: [f64; 2]| [x * cosine + z * sine, z * cosine - x * sine];
+        let joint = &robot.joints[3 * leg + 2];
+        let link = &robot.links[joint.child];
+        let force = world.touch(leg).force;
+        // Moments about +y, the axis of the toe: of the ground at the bottom of the toe, and of the weight of the foot.
+        let [x, z] = turned([0.03, -0.012]);
+        let ground_nm = (z - 0.008) * force.x - x * force.z;
+        let [x, _] = turned([link.com_in_link_m.x, link.com_in_link_m.z]);
+        let weight_nm = x * link.mass_kg * 9.806_65;
+        let spring_nm = joint.spring.unwrap().torque_nm(toe, 0.0);
+        let off_nm = spring_nm + ground_nm + weight_nm;
+        assert!(off_nm.abs() < 0.01 * spring_nm, "{}: {off_nm} of {spring_nm} N·m", joint.name);
+        let yields_rad = 0.28 - toe;
+        assert!((0.05..0.12).contains(&yields_rad), "{}: {yields_rad} rad", joint.name);
+    }
+}

@@ -55,13 +55,14 @@ pub fn duties(plans: &Plans) -> Vec<Duty> {
     let mut duties: Vec<Duty> = Vec::new();
     for plan in plans.plans() {
         let robot = &plan.robot;
-        let joints = robot.joints.iter().map(|joint| (&joint.name, &joint.actuator));
+        let driven: Vec<_> = robot.driven_joints().map(|joint| &robot.joints[joint]).collect();
+        let joints = driven.iter().map(|joint| (&joint.name, &joint.actuator));
         let wheels =
             robot.end_effectors.iter().filter_map(|of| Some((&of.name, of.contact.actuator()?)));
         let motors: Vec<(&String, &Actuator)> = joints.chain(wheels).collect();
         for (index, points) in points(plan).into_iter().enumerate() {
             let (name, actuator) = motors[index];
-            let (model, wheels) = (&actuator.model, index >= robot.joints.len());
+            let (model, wheels) = (&actuator.model, index >= driven.len());
             let at = duties.iter().position(|duty| duty.model == *model && duty.wheels == wheels);
             let at = at.unwrap_or_else(|| {
                 duties.push(Duty {
@@ -94,7 +95,8 @@ fn points(plan: &Plan) -> Vec<Vec<[f64; 2]>> {
     let (spline, mut inverse) = (PlanSpline::new(plan), InverseDynamics::new(plan));
     let robot = &plan.robot;
     let wheel = |index: usize| robot.end_effectors[index].contact.actuator();
-    let joints = robot.joints.iter().map(|joint| (&joint.actuator, f64::INFINITY));
+    let driven = robot.driven_joints().map(|joint| &robot.joints[joint].actuator);
+    let joints = driven.map(|motor| (motor, f64::INFINITY));
     let wheels = driven_wheels(robot).filter_map(wheel).map(|of| (of, of.speed_max_rad_s));
     let motors: Vec<(&Actuator, f64)> = joints.chain(wheels).collect();
     let frames = (plan.motion.duration_s * RATE_HZ).round() as usize;
@@ -102,8 +104,7 @@ fn points(plan: &Plan) -> Vec<Vec<[f64; 2]>> {
     for frame in 0..frames {
         let time_s = frame as f64 / RATE_HZ;
         let (speeds, torques) = (spline.setpoints(time_s), inverse.at(time_s));
-        let speeds = speeds.joint_speed_rad_s.iter().chain(&speeds.motor_speed_rad_s);
-        let both = speeds.zip(torques.channels_nm());
+        let both = speeds.speeds_rad_s(robot).zip(torques.channels_nm(robot));
         for ((points, (motor, most_rad_s)), (speed, torque)) in
             points.iter_mut().zip(&motors).zip(both)
         {

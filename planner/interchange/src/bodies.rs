@@ -121,10 +121,10 @@ impl HingeOrigin<'_> {
         }
     }
 
-    /// The motor.
+    /// The motor; `None` for free wheels and passive joints.
     pub fn actuator(&self) -> Option<&rollwalk_robot::Actuator> {
         match self {
-            Self::Joint { joint, .. } => Some(&joint.actuator),
+            Self::Joint { joint, .. } => (!joint.is_passive()).then_some(&joint.actuator),
             Self::Wheel { wheel, .. } => wheel.contact.actuator(),
         }
     }

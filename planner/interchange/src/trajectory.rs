@@ -89,16 +89,24 @@ pub fn trajectory(plan: &Plan, rate: Rate) -> String {
     for time_s in rate.times_s(plan.motion.duration_s) {
         let time_from_start = duration(time_s);
         let (setpoints, motors_nm) = whole.setpoints(time_s);
-        let (of_joints, of_wheels) = motors_nm.split_at(robot.joints.len());
+        let (of_joints, of_wheels) = motors_nm.split_at(robot.driven_joints().count());
+        let mut all_nm = vec![0.0; robot.joints.len()];
+        robot
+            .driven_joints()
+            .zip(of_joints)
+            .for_each(|(joint, torque_nm)| all_nm[joint] = *torque_nm);
         let joint_rad = transmission.joints(&setpoints.joint_rad);
         let ratios = transmission.at(&joint_rad);
-        let effort = [&ratios.joint_torques(of_joints), of_wheels].concat();
+        let all_nm = ratios.joint_torques(&all_nm);
+        let joints_nm = robot.of_driven_joints(&all_nm);
+        let effort = joints_nm.chain(of_wheels.iter().copied()).collect();
+        let speeds_rad_s = ratios.joints(&setpoints.joint_speed_rad_s);
+        let of_driven = robot.of_driven_joints(&speeds_rad_s);
         let angles = spline.motor_angles_rad(time_s);
         let wheels = driven_wheels(robot).map(|wheel| angles[wheel]);
         joints.push(JointPoint {
-            velocities: [ratios.joints(&setpoints.joint_speed_rad_s), setpoints.motor_speed_rad_s]
-                .concat(),
-            positions: joint_rad.into_iter().chain(wheels).collect(),
+            velocities: of_driven.chain(setpoints.motor_speed_rad_s).collect(),
+            positions: robot.of_driven_joints(&joint_rad).chain(wheels).collect(),
             effort,
             time_from_start,
         });

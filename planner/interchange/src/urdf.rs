@@ -130,10 +130,9 @@ fn geometry(xml: &mut Xml, element: &str, solid: &PlacedSolid<'_>) -> io::Result
 /// Largest torque, N·m, and speed, rad/s, of a hinge; `None` without a motor.
 fn limits(robot: &Robot, ratios: &Ratios, of: &Hinge<'_>) -> Option<[f64; 2]> {
     match of.of {
-        HingeOrigin::Joint { number, .. } => Some([
-            ratios.joint_torque_max_nm(robot, number),
-            ratios.joint_speed_max_rad_s(robot, number),
-        ]),
+        HingeOrigin::Joint { number, .. } => of.of.actuator().map(|_| {
+            [ratios.joint_torque_max_nm(robot, number), ratios.joint_speed_max_rad_s(robot, number)]
+        }),
         HingeOrigin::Wheel { .. } => {
             of.of.actuator().map(|motor| [motor.torque_max_nm, motor.speed_max_rad_s])
         }

@@ -104,6 +104,25 @@ fn springs_come_back_from_mjcf_and_dampers_from_urdf() {
 }
 
 #[test]
+fn passive_joints_come_back_from_mjcf_without_motors() {
+    let robot = shipped("pup_toes");
+    let text = rollwalk_interchange::mjcf(&robot, &[]).unwrap();
+    assert_eq!(text.matches("<position ").count(), 8);
+    assert_eq!(text.matches("stiffness=").count(), 4);
+    let text = Text { name: "pup_toes", text: &text };
+    let side = survey(text).unwrap().template;
+    let back = import(text, Text { name: "side", text: &side }).unwrap().robot;
+    assert_eq!(back.channels().count(), 8);
+    for joint in &robot.joints {
+        let other = joint_named(&back, &joint.name);
+        assert_eq!((other.is_passive(), other.spring), (joint.is_passive(), joint.spring));
+        // The template takes the rest angle of a spring, whose load it does not know.
+        let rest_rad = joint.spring.map_or(other.nominal_rad, |spring| spring.rest_rad);
+        assert!((other.nominal_rad - rest_rad).abs() < 1e-3, "{}", joint.name);
+    }
+}
+
+#[test]
 fn cranks_and_rods_come_back_from_mjcf() {
     let robot = shipped("pup_five_bar");
     let text = rollwalk_interchange::mjcf(&robot, &[]).unwrap();

@@ -22,7 +22,8 @@ pub(super) fn too_weak_to_stand(problem: &Problem) -> Option<Culprit> {
     }
     let standing = Standing::new(&Tree::new(&robot)).filter(|standing| standing.balanced)?;
     let needed = standing.torque_nm.iter().map(|torque_nm| torque_nm.abs());
-    let (joint, needed_nm) = robot.joints.iter().zip(needed).max_by(|(one, a), (other, b)| {
+    let driven = robot.joints.iter().zip(needed).filter(|(joint, _)| !joint.is_passive());
+    let (joint, needed_nm) = driven.max_by(|(one, a), (other, b)| {
         let share = |torque_nm: f64, limit_nm: f64| torque_nm / limit_nm;
         share(*a, one.actuator.torque_max_nm).total_cmp(&share(*b, other.actuator.torque_max_nm))
     })?;

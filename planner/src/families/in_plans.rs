@@ -14,6 +14,8 @@ use serde_json::Value;
 pub struct Formulation {
     /// True if the families of terrain are listed.
     pub on_terrain: bool,
+    /// True if the families of joints without a motor are listed.
+    pub has_passive_joints: bool,
 }
 
 #[derive(Serialize)]
@@ -66,7 +68,10 @@ impl Record {
 impl Serialize for Formulation {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let all = Family::ALL.iter().copied();
-        let listed = all.filter(|family| self.on_terrain || !FamilySet::TERRAIN.contains(*family));
+        let listed = all.filter(|family| {
+            (self.on_terrain || !FamilySet::TERRAIN.contains(*family))
+                && (self.has_passive_joints || !FamilySet::PASSIVE.contains(*family))
+        });
         Record::new(listed).serialize(serializer)
     }
 }
@@ -81,7 +86,10 @@ impl<'de> Deserialize<'de> for Formulation {
             let names = found["families"].as_array().into_iter().flatten();
             names.filter_map(|of| of["name"].as_str()).any(|name| name == family.name())
         };
-        Ok(Self { on_terrain: lists(Family::Foothold) })
+        Ok(Self {
+            on_terrain: lists(Family::Foothold),
+            has_passive_joints: lists(Family::PassiveJoint),
+        })
     }
 }
 

@@ -47,8 +47,7 @@ impl Channels<'_> {
         // Planned and stored values of the previous frame.
         let mut previous: Option<(Vec<f64>, Vec<f32>)> = None;
         for (frame, at) in setpoints.iter().enumerate() {
-            let planned: Vec<f64> =
-                at.joint_rad.iter().chain(&at.motor_speed_rad_s).copied().collect();
+            let planned: Vec<f64> = at.channels(self.robot).collect();
             for (c, channel) in self.config.channels.iter().enumerate() {
                 let place = ValueLocation { name, frame, channel: c };
                 let (mut value, part) = self.within(&place, channel, planned[c])?;
@@ -78,7 +77,7 @@ impl Channels<'_> {
             .map(at)
             .flat_map(|actuation| {
                 let channels = self.config.channels.iter();
-                channels.zip(actuation.channels_nm()).map(clamped).collect::<Vec<_>>()
+                channels.zip(actuation.channels_nm(self.robot)).map(clamped).collect::<Vec<_>>()
             })
             .collect()
     }

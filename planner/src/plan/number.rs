@@ -71,7 +71,8 @@ impl Culprit {
                 feet.for_each(|foot| put(&mut foot.friction_coefficient));
             }
             Family::JointSpeed | Family::JointTorque => {
-                let motors = robot.joints.iter_mut().map(|joint| &mut joint.actuator);
+                let driven = robot.joints.iter_mut().filter(|joint| !joint.is_passive());
+                let motors = driven.map(|joint| &mut joint.actuator);
                 motors.for_each(|motor| put(limit(motor, field)));
             }
             Family::WheelMotorSpeed | Family::WheelTorque => {

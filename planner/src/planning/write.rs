@@ -11,6 +11,7 @@ use crate::torque;
 use nalgebra::{Rotation3, UnitQuaternion};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
 use rollwalk_multibody::rotation::nearer_quaternion;
+use rollwalk_robot::Joint;
 
 /// Converts a solution to a plan with feed-forward torques.
 pub(crate) fn write_plan(
@@ -52,7 +53,10 @@ pub(super) fn write_samples(
         after,
         end_placement: unknowns.placement,
         solve,
-        formulation: Formulation { on_terrain: motion.terrain.is_some() },
+        formulation: Formulation {
+            on_terrain: motion.terrain.is_some(),
+            has_passive_joints: problem.model.robot().joints.iter().any(Joint::is_passive),
+        },
     }
 }
 

@@ -95,8 +95,9 @@ impl EvaluatedPlan<'_> {
     /// Speeds of joints, as played.
     pub(super) fn speeds(&self, groups: &[Group]) -> Vec<Panel> {
         let panels = with_joints(groups).map(|group| {
-            let names = self.joint_names(group);
-            let curves = group.joints.iter().zip(names).enumerate().map(|(color, (&k, name))| {
+            let named = group.joints.iter().zip(self.joint_names(group));
+            let driven = named.filter(|(k, _)| !self.plan.robot.joints[**k].is_passive());
+            let curves = driven.enumerate().map(|(color, (&k, name))| {
                 let line =
                     self.states.iter().map(|(t, _, set)| [*t, set.joint_speed_rad_s[k]]).collect();
                 let limit = self.plan.robot.joints[k].actuator.speed_max_rad_s;
@@ -112,7 +113,8 @@ impl EvaluatedPlan<'_> {
         let robot = &self.plan.robot;
         let panels = groups.iter().map(|group| {
             let mut curves = Vec::new();
-            for (&k, name) in group.joints.iter().zip(self.joint_names(group)) {
+            let named = group.joints.iter().zip(self.joint_names(group));
+            for (&k, name) in named.filter(|(k, _)| !robot.joints[**k].is_passive()) {
                 let of = |a: &Actuation| a.joint_nm[k];
                 let series = self.torque(name, curves.len(), of, |s| s.joint_torque_nm[k]);
                 curves.push((series, robot.joints[k].actuator.torque_max_nm));

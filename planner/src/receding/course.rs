@@ -189,7 +189,7 @@ impl Course {
         while (self.frames as f64 / rate_hz) < time_s(end) - 1e-9 {
             let plan_time_s = self.frames as f64 / rate_hz - time_s(*from);
             let (setpoints, torques_nm) = body.setpoints(plan_time_s);
-            let values = [setpoints.joint_rad, setpoints.motor_speed_rad_s].concat();
+            let values = setpoints.channels(body.tree().robot()).collect();
             frames.push(Frame { values, torques_nm });
             self.frames += 1;
         }

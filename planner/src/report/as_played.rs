@@ -49,7 +49,7 @@ pub fn as_played(plan: &Plan, frames: &Timeline) -> (Vec<LargestTorque>, Vec<Row
         let actuation = inverse.at(time_s);
         force.record(actuation.unmet_force_n.norm(), &w, None);
         moment.record(actuation.unmet_moment_nm.norm(), &w, None);
-        for (torque_nm, largest) in actuation.channels_nm().zip(&mut largest) {
+        for (torque_nm, largest) in actuation.channels_nm(&plan.robot).zip(&mut largest) {
             let (torque_nm, limit) = (torque_nm.abs(), largest.limit_nm);
             let worst = if largest.kind == MotorKind::Joint { &mut joint } else { &mut wheel };
             worst.record_excess((torque_nm - limit).max(0.0), limit, &w, Some(&largest.motor));

@@ -2,7 +2,7 @@
 //!
 //! The torques follow from virtual work, independently of the optimiser's equations. A joint's torque is minus the power of
 //! ground forces, weight, springs and inertia of all mass points per unit of joint rate, plus the torque that accelerates its
-//! rotor.
+//! rotor. The torque of a passive joint is the one that its spring does not balance.
 
 use super::grid::{State, Timeline, Window, feet};
 use super::residual::{Grid, WorstCase};
@@ -10,11 +10,12 @@ use crate::families::Family;
 use crate::motion::Ends;
 use nalgebra::Vector3;
 use rollwalk_multibody::euler::JOINTS;
-use rollwalk_robot::{Actuator, GRAVITY_M_S2};
+use rollwalk_robot::{Actuator, GRAVITY_M_S2, Joint};
 
 /// Residuals of joint and wheel torques at the samples, and of torque-speed lines on the intervals.
 pub fn torques(timeline: &Timeline) -> Vec<WorstCase> {
     let mut joint = WorstCase::of(Family::JointTorque, Grid::Samples);
+    let mut passive = WorstCase::of(Family::PassiveJoint, Grid::Samples);
     let mut wheel = WorstCase::of(Family::WheelTorque, Grid::Samples);
     let mut line = WorstCase::of(Family::TorqueSpeedLine, Grid::Samples);
     let robot = &timeline.plan.robot;
@@ -27,6 +28,10 @@ pub fn torques(timeline: &Timeline) -> Vec<WorstCase> {
         // Set-point lines apply where an interval begins.
         let begins = periodic || w.index + 1 < timeline.plan.samples.len();
         for ((j, of), torque_nm) in robot.joints.iter().enumerate().zip(torques) {
+            if of.is_passive() {
+                passive.record(torque_nm.abs(), &w, Some(&of.name));
+                continue;
+            }
             let limit = of.actuator.torque_max_nm;
             let beyond = (torque_nm.abs() - limit).max(0.0);
             joint.record_excess(beyond, limit, &w, Some(&of.name));
@@ -55,7 +60,11 @@ pub fn torques(timeline: &Timeline) -> Vec<WorstCase> {
             }
         }
     }
-    vec![joint, wheel, line]
+    let mut rows = vec![joint, wheel, line];
+    if robot.joints.iter().any(Joint::is_passive) {
+        rows.insert(1, passive);
+    }
+    rows
 }
 
 /// Torques of the motors of joints, N·m. A joint's torque is minus the power of ground forces, weight, springs and inertia per

@@ -313,7 +313,8 @@ fn limits(timeline: &Timeline, grid: Grid) -> Vec<WorstCase> {
         let [here, after] =
             [w.here, w.after].map(|state| transmission.motors(&state.sample.joint_rad));
         let angles = here.iter().zip(&after);
-        for (joint, (q, next)) in timeline.plan.robot.joints.iter().zip(angles) {
+        let moving = timeline.plan.robot.joints.iter().zip(angles);
+        for (joint, (q, next)) in moving.filter(|(joint, _)| !joint.is_passive()) {
             let limit = joint.actuator.speed_max_rad_s;
             let beyond = (((next - q) / h).abs() - limit).max(0.0);
             speed.record_excess(beyond, limit, &w, Some(&joint.name));

@@ -6,7 +6,7 @@ use crate::families::{Family, Kind};
 use crate::motion::{Ends, Motion};
 use crate::plan::{Plan, Sample};
 use crate::{optimise, test_plans, test_robots};
-use rollwalk_robot::{Actuator, Contact, Robot, RollingDrag, TorqueSpeedLine};
+use rollwalk_robot::{Actuator, Contact, JointSpring, Robot, RollingDrag, TorqueSpeedLine};
 use serde_json::Value;
 use std::io::Write;
 use std::ops::ControlFlow;
@@ -307,6 +307,10 @@ fn an_optimised_walk_passes_both_opinions() {
 fn both_opinions_agree_on_the_size_of_every_residual() {
     let mut on_feet = test_plans::start_stop();
     on_feet.robot.end_effectors.iter_mut().for_each(|e| e.contact = Contact::PointFoot);
+    let toe = &mut on_feet.robot.joints[2];
+    toe.actuator = Actuator::none();
+    toe.spring = Some(JointSpring { stiffness_nm_rad: 4.0, rest_rad: 0.1, damping_nm_s_rad: 0.2 });
+    on_feet.formulation.has_passive_joints = true;
     crate::torque::write(&mut on_feet);
     let mut low = walk();
     low.samples.iter_mut().for_each(|sample| sample.base_position_m[2] -= 0.2);

@@ -5,7 +5,7 @@ use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::report::Report;
 use rollwalk_planner::{Options, optimise};
 use rollwalk_robot::shape::Shape;
-use rollwalk_robot::{Actuator, Contact, Robot};
+use rollwalk_robot::{Actuator, Contact, GRAVITY_M_S2, Robot};
 use std::collections::BTreeSet;
 use std::fs;
 use std::ops::ControlFlow;
@@ -15,7 +15,7 @@ use std::path::Path;
 const CANNOT_DRIVE: &str = "car_tilted";
 
 /// Robot files other than [`CANNOT_DRIVE`], each with a motion file.
-const MOTIONS: [(&str, &str); 18] = [
+const MOTIONS: [(&str, &str); 19] = [
     ("agilebot", "slalom"),
     ("agilebot_sprint", "table_2_1/agilebot_start_stop"),
     ("anymal_wheels", "anymal_duck"),
@@ -27,6 +27,7 @@ const MOTIONS: [(&str, &str); 18] = [
     ("pup", "pup_walk"),
     ("pup_belt", "pup_belt_walk"),
     ("pup_five_bar", "pup_five_bar_walk"),
+    ("pup_toes", "pup_toes_walk"),
     ("skatebot", "table_2_1/skatebot_skating"),
     ("skaterbot", "skaterbot_stand"),
     ("swizzlebot", "swizzlebot_turn"),
@@ -55,6 +56,47 @@ fn every_robot_plans_a_motion_that_holds() {
         let report = Report::new(&plan);
         assert!(report.judgement.is_good(), "{motion_name} on {robot_name}\n{report}");
     }
+}
+
+/// Checks the springs of a walk of `pup_toes` against the moment balance of each foot in the plane of its leg, which has another
+/// derivation than planner and report.
+#[test]
+fn springs_of_toes_balance_ground_force_and_weight() {
+    let plan = plan("pup_toes", "pup_toes_walk");
+    let robot = &plan.robot;
+    let mut loaded = 0;
+    for sample in &plan.samples {
+        for (leg, end) in sample.end_effectors.iter().enumerate() {
+            let [hip, knee, toe] = [0, 1, 2].map(|joint| sample.joint_rad[3 * leg + joint]);
+            let pitch_rad = sample.base_yaw_pitch_roll_rad[1] + hip + knee + toe;
+            let turned = |[x, z]: [f64; 2]| {
+                [
+                    x * pitch_rad.cos() + z * pitch_rad.sin(),
+                    z * pitch_rad.cos() - x * pitch_rad.sin(),
+                ]
+            };
+            let moment = |[x, z]: [f64; 2], force: [f64; 2]| z * force[0] - x * force[1];
+            let joint = &robot.joints[3 * leg + 2];
+            let [x, z] = turned([0.03, -0.012]);
+            let ground_nm = moment([x, z - 0.008], [end.force_n[0], end.force_n[2]]);
+            let link = &robot.links[joint.child];
+            let com = turned([link.com_in_link_m.x, link.com_in_link_m.z]);
+            let weight_nm = moment(com, [0.0, -GRAVITY_M_S2 * link.mass_kg]);
+            let spring_nm = joint.spring.expect("a spring").torque_nm(toe, 0.0);
+            // The rest are damping, and the inertia of a foot of 8 g.
+            let off_nm = spring_nm + ground_nm + weight_nm;
+            assert!(off_nm.abs() < 0.006, "{}: {off_nm} N·m at {} s", joint.name, sample.time_s);
+            loaded += usize::from(spring_nm > 0.03);
+        }
+    }
+    assert!(loaded > 60, "{loaded} loaded feet");
+    assert!(sample_torques(&plan).iter().all(|torque_nm| torque_nm.abs() < 0.01));
+}
+
+/// Torques of toes in a plan of `pup_toes`, which no motor supplies.
+fn sample_torques(plan: &Plan) -> Vec<f64> {
+    let toes = plan.samples.iter().flat_map(|s| s.joint_torque_nm.iter().skip(2).step_by(3));
+    toes.copied().collect()
 }
 
 /// Scales a motor of a robot whose lengths grow by `s`: times grow by √s, masses by s³, torques by s⁴.

@@ -7,17 +7,25 @@ mod limbs;
 mod masses;
 mod motors;
 mod names;
+mod springs;
 mod warning;
 mod wheels;
 
 use crate::{Standing, Tree};
 use warning::{CheckedRobot, RobotWarning};
 
-/// Warnings about a robot in its nominal pose, one sentence each. The order is masses, motors, limbs, wheels, names.
+/// Warnings about a robot in its nominal pose, one sentence each. The order is masses, motors, springs, limbs,
+/// wheels, names.
 pub fn warnings(tree: &Tree, standing: &Standing) -> Vec<String> {
     let seen = CheckedRobot::new(tree, standing);
-    let all =
-        [masses::warnings, motors::warnings, limbs::warnings, wheels::warnings, names::warnings];
+    let all = [
+        masses::warnings,
+        motors::warnings,
+        springs::warnings,
+        limbs::warnings,
+        wheels::warnings,
+        names::warnings,
+    ];
     let mut warnings: Vec<RobotWarning> = Vec::new();
     for warning in all.iter().flat_map(|of| of(&seen)) {
         // Limbs of a template share its mistakes.

@@ -11,13 +11,15 @@ pub(super) struct Source<'d> {
     pub item: Table<'d>,
     /// Data sheet of the item's motor.
     pub sheet: Option<Table<'d>>,
+    /// Table of the joint's spring.
+    pub spring: Option<Table<'d>>,
     /// Limb that supplies the address of the item's motor.
     pub limb: Option<Table<'d>>,
 }
 
 impl<'d> Source<'d> {
     pub fn of(item: Table<'d>) -> Self {
-        Self { item, sheet: None, limb: None }
+        Self { item, sheet: None, spring: None, limb: None }
     }
 
     /// Span of a field's value, or of the item if the field is absent.
@@ -28,7 +30,7 @@ impl<'d> Source<'d> {
             (Some(limb), "id") => return limb.span_of("first_id"),
             _ => {}
         }
-        let mut tables = std::iter::once(&self.item).chain(&self.sheet);
+        let mut tables = std::iter::once(&self.item).chain(&self.spring).chain(&self.sheet);
         tables.find_map(|table| table.find(field)).unwrap_or_else(|| self.item.span())
     }
 }

@@ -110,6 +110,18 @@ pub(super) fn robot<'d>(
     document.is_clean().then_some((reader.robot, reader.parts, reader.places))
 }
 
+/// Returns true for the table of a joint that a spring holds, without a motor. Refuses an address, which belongs to a motor.
+fn is_passive(table: &Table<'_>) -> bool {
+    let is_passive = table.has("spring") && !table.has("actuator");
+    if is_passive {
+        for key in ["bus", "id"].into_iter().filter(|key| table.has(key)) {
+            let help = "give `actuator`, or leave out `bus` and `id` for a joint that only its spring holds";
+            table.fault(key, "belongs to a motor", "no motor", help);
+        }
+    }
+    is_passive
+}
+
 /// Returns true if the robot, including its limbs, has no more items than the rules allow. The time for checking the rules is
 /// quadratic in this number.
 fn few_enough(root: &Table<'_>, groups: &[Group<'_, '_>]) -> bool {
@@ -246,11 +258,17 @@ impl<'r, 'd> Reader<'r, 'd> {
             }
         };
         let child = self.link_index(&table, "child", &group.name(&child));
-        let motor = self.motor(group, &table, ids);
+        let motor = match is_passive(&table) {
+            true => Some((Actuator::none(), None)),
+            false => {
+                self.motor(group, &table, ids).map(|(actuator, sheet)| (actuator, Some(sheet)))
+            }
+        };
         let coupling = table.given(MOTOR_PER_JOINT, Table::table);
         let linkage = table.given("linkage", Table::table);
         let linkage = linkage.map(|linkage| self.linkage(group, linkage, &axis));
-        let spring = table.given("spring", Table::table).map(spring);
+        let of_spring = table.given("spring", Table::table);
+        let spring = of_spring.clone().map(spring);
         table.done();
         let Some((actuator, sheet)) = motor else { return };
         if let Some(coupling) = coupling {
@@ -282,7 +300,7 @@ impl<'r, 'd> Reader<'r, 'd> {
             spring,
         });
         let limb = group.limb.map(|limb| limb.table.clone());
-        self.places.joints.push(Source { item: table, sheet: Some(sheet), limb });
+        self.places.joints.push(Source { item: table, sheet, spring: of_spring, limb });
     }
 
     /// Reads crank and rod. `joint_axis` is the axis of the joint in the file, and the default for that of the servo.
@@ -350,7 +368,7 @@ impl<'r, 'd> Reader<'r, 'd> {
             soft,
         });
         let limb = group.limb.map(|limb| limb.table.clone());
-        self.places.end_effectors.push(Source { item: table, sheet, limb });
+        self.places.end_effectors.push(Source { item: table, sheet, spring: None, limb });
     }
 
     /// Reads the keys that depend on the kind of contact. Also returns the data sheet of its motor.

@@ -229,7 +229,8 @@ impl Check<'_> {
 
 /// Motors with their places and names in messages.
 fn motors(robot: &Robot) -> impl Iterator<Item = (Item, String, Channel<'_>)> {
-    let joints = robot.joints.iter().enumerate().map(|(index, joint)| {
+    let joints = robot.driven_joints().map(|index| {
+        let joint = &robot.joints[index];
         (Item::Joint(index), format!("joint `{}`", joint.name), Channel::Joint(joint))
     });
     let wheels = robot.end_effectors.iter().enumerate().filter_map(|(index, wheel)| {

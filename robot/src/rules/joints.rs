@@ -81,8 +81,12 @@ impl Check<'_> {
         }
         self.unit_axis("axis_in_joint", &joint.axis_in_joint);
         self.joint_range(joint);
-        self.actuator(&joint.actuator, SPEEDS_MAX_RAD_S[0]);
-        if joint.actuator.kp_nm_rad <= 0.0 {
+        if joint.is_passive() {
+            self.passive(joint);
+        } else {
+            self.actuator(&joint.actuator, SPEEDS_MAX_RAD_S[0]);
+        }
+        if !joint.is_passive() && joint.actuator.kp_nm_rad <= 0.0 {
             let help = "give a stiffness above 0 N·m/rad, with which the joint holds its position";
             self.violated("kp_nm_rad", "is 0", help);
         }
@@ -92,6 +96,28 @@ impl Check<'_> {
         }
         if let Some(spring) = &joint.spring {
             self.spring(spring);
+        }
+    }
+
+    /// Checks a joint without a servo.
+    fn passive(&mut self, joint: &Joint) {
+        // False for NaN.
+        let holds = joint.spring.is_some_and(|spring| spring.stiffness_nm_rad > 0.0);
+        if !holds {
+            let help = "give a spring with `stiffness_nm_rad` above 0, or `actuator` with its `bus` and `id`";
+            self.violated("spring", "does not hold the joint, which has no `actuator`", help);
+        }
+        if joint.linkage.is_some() {
+            let help = "give the joint an `actuator`, or leave out `linkage`";
+            self.violated("linkage", "has no motor, because the joint has no `actuator`", help);
+        }
+        if !joint.motor_per_joint.is_empty() {
+            let help = "give the joint an `actuator`, or leave out `motor_per_joint`";
+            self.violated(
+                "motor_per_joint",
+                "has no motor, because the joint has no `actuator`",
+                help,
+            );
         }
     }
 
@@ -127,6 +153,10 @@ impl Check<'_> {
                      in size; leave out a joint that the motor does not turn"
                 );
                 self.violated(field, format_args!("of `{name}` is {}", of.ratio), help);
+            }
+            if self.robot.joints.get(of.joint).is_some_and(Joint::is_passive) && of.joint != index {
+                let help = "couple motors with joints that have an `actuator`";
+                self.violated(field, format_args!("names `{name}`, a joint without a motor"), help);
             }
             let joints = self.robot.joints.len();
             let is_again = joint.motor_per_joint[..number].iter().any(|it| it.joint == of.joint);

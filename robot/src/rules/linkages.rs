@@ -89,6 +89,12 @@ impl Check<'_> {
                 self.violated("linkage", "spans too many joints", help);
                 continue;
             }
+            if crank.joints().any(|joint| robot.joints[joint].is_passive()) {
+                let help = "let `motor_on` name a link with driven joints only between it and the link \
+                    that the motor turns";
+                self.violated("linkage", "spans a joint without a motor", help);
+                continue;
+            }
             if crank.rod_m() > LENGTH_MAX_M {
                 let problem = format_args!("has a rod of {:.3} m", crank.rod_m());
                 let help = format!("give a rod of at most {LENGTH_MAX_M} m; lengths are in metres");

@@ -17,7 +17,9 @@ use super::toml_text::{key, show};
 use super::tree::{Graph, Tree, choose};
 use crate::GRAVITY_M_S2;
 use crate::document::{Document, alternatives};
+use crate::rules::MotorMaxima;
 use crate::shape::Shape;
+use crate::spring::JointSpring;
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use rollwalk_protocol::config::MAX_CHANNELS;
 use std::collections::HashMap;
@@ -88,7 +90,8 @@ impl<'a> Conversion<'a, '_> {
             let given = self.side.joints.iter().find(|given| given.joint == joint.name);
             let fallback = Default::default();
             let motor = given.map_or(&fallback, |given| &given.motor);
-            let motor = motors.joint(motor, joint, load, limbs[moving.child]);
+            let is_held = motor.actuator.is_none() && self.urdf.holding_spring(joint).is_some();
+            let motor = (!is_held).then(|| motors.joint(motor, joint, load, limbs[moving.child]));
             joints.push(DraftJoint {
                 name: names.give("joint", &joint.name, &joint.span, self.notes),
                 from: joint.name.clone(),
@@ -100,7 +103,7 @@ impl<'a> Conversion<'a, '_> {
                 motor,
                 motor_per_joint: joint.motor_per_joint.clone(),
                 linkage: self.linkage(joint, &axes, &angles),
-                spring: joint.spring,
+                spring: self.spring(joint, mass_kg),
                 urdf: joint.span.clone(),
                 side: given.map(|given| given.span.clone()),
             });
@@ -126,6 +129,23 @@ impl<'a> Conversion<'a, '_> {
             joints,
             end_effectors,
         })
+    }
+
+    /// Spring and damper of a joint. Notes and drops a damping that no robot of this mass has.
+    fn spring(&mut self, joint: &Joint, mass_kg: f64) -> Option<JointSpring> {
+        let mut spring = joint.spring?;
+        let most = MotorMaxima::of(mass_kg).kd_nm_s_rad;
+        if spring.damping_nm_s_rad > most {
+            self.notes.warn(&joint.span, format_args!(
+                "joint `{}`: its damping of {} N·m·s/rad is dropped, because it is above {} N·m·s/rad, the largest of a robot of this mass; give `spring` in the robot file if the joint has a damper",
+                joint.name,
+                show(spring.damping_nm_s_rad),
+                show(most)
+            ));
+            spring.damping_nm_s_rad = 0.0;
+        }
+        let acts = spring.stiffness_nm_rad > 0.0 || spring.damping_nm_s_rad > 0.0;
+        acts.then_some(spring)
     }
 
     /// Crank and rod of a joint in the nominal pose. Notes a fault if they do not meet there.
@@ -222,7 +242,14 @@ impl<'a> Conversion<'a, '_> {
     /// Notes a fault if the robot has more channels than a controller, with joints to lock.
     fn channels(&mut self, tree: &Tree) {
         let driven = self.side.end_effectors.iter().filter(|end| end.contact == "actuated_wheel");
-        let (joints, wheels) = (self.bodies.moving.len(), driven.count());
+        let is_driven = |moving: &&Moving| {
+            let joint = &self.urdf.joints[moving.joint];
+            let given = self.side.joints.iter().find(|given| given.joint == joint.name);
+            given.is_some_and(|given| given.motor.actuator.is_some())
+                || self.urdf.holding_spring(joint).is_none()
+        };
+        let joints = self.bodies.moving.iter().filter(is_driven).count();
+        let wheels = driven.count();
         let excess = (joints + wheels).saturating_sub(MAX_CHANNELS);
         if excess == 0 {
             return;
@@ -376,7 +403,7 @@ pub(super) fn idle_joints(bodies: &Bodies, tips: &[usize]) -> Vec<usize> {
 /// Position of a locked joint in the proposed side file: nearest to 0, or to the offset of a `<mimic>`, within its limits, rad
 /// or m.
 pub(super) fn locked_position(joint: &Joint) -> f64 {
-    let wanted = joint.mimics.as_ref().map_or(0.0, |mimic| mimic.offset);
+    let wanted = joint.mimics.as_ref().map_or(0.0, |mimic| mimic.offset());
     match (joint.kind, joint.limit.lower, joint.limit.upper) {
         (Kind::Planar | Kind::Floating, _, _) => 0.0,
         (_, Some(lower), Some(upper)) if lower <= upper => wanted.clamp(lower, upper),

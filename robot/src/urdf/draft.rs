@@ -70,7 +70,8 @@ pub(super) struct DraftJoint {
     pub parent_from_joint: Isometry3<f64>,
     pub axis: Vector3<f64>,
     pub range: Range,
-    pub motor: Motor,
+    /// Motor of the joint; `None` for a joint that only its spring holds.
+    pub motor: Option<Motor>,
     /// Names of the joints that the motor turns, with their ratios; empty for a motor of this joint alone.
     pub motor_per_joint: Vec<(String, f64)>,
     pub linkage: Option<DraftLinkage>,

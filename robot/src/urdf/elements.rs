@@ -244,8 +244,13 @@ impl Reader<'_, '_> {
         let axis = self.axis(node, &name, kind);
         let mimics = child(node, "mimic").map(|mimic| Mimic {
             joint: mimic.attribute("joint").unwrap_or("?").to_owned(),
-            multiplier: self.number(mimic, "multiplier").unwrap_or(1.0),
-            offset: self.number(mimic, "offset").unwrap_or(0.0),
+            coefficients: [
+                self.number(mimic, "offset").unwrap_or(0.0),
+                self.number(mimic, "multiplier").unwrap_or(1.0),
+                0.0,
+                0.0,
+                0.0,
+            ],
         });
         let mut limit = Limit::default();
         if let Some(element) = child(node, "limit") {

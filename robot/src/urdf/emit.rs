@@ -72,7 +72,9 @@ pub(super) fn emit(draft: &Draft, sources: [&str; 2]) -> Emitted {
         out.line(format_args!("position_min_rad = {}", show(joint.range.min_rad)));
         out.line(format_args!("position_max_rad = {}", show(joint.range.max_rad)));
         out.line(format_args!("nominal_rad = {}", show(joint.range.nominal_rad)));
-        out.motor(draft, joint.motor);
+        if let Some(motor) = joint.motor {
+            out.motor(draft, motor);
+        }
         if !joint.motor_per_joint.is_empty() {
             let ratio = |(name, ratio): &(String, f64)| format!("{} = {}", key(name), show(*ratio));
             let ratios: Vec<_> = joint.motor_per_joint.iter().map(ratio).collect();

@@ -90,8 +90,10 @@ pub(super) fn ranges<'a>(
             continue;
         };
         let nominal_rad = given.and_then(|given| given.nominal_rad).unwrap_or_else(|| {
-            let nearest = joint.home.unwrap_or(0.0).clamp(min_rad, max_rad);
-            if joint.home.is_none() {
+            let rest_rad = urdf.holding_spring(joint).map(|spring| spring.rest_rad);
+            let known = joint.home.or(rest_rad);
+            let nearest = known.unwrap_or(0.0).clamp(min_rad, max_rad);
+            if known.is_none() {
                 unposed.push((joint, nearest));
             }
             nearest

@@ -24,6 +24,14 @@ pub(super) struct Urdf {
     pub in_degrees: bool,
 }
 
+impl Urdf {
+    /// Spring that alone holds a joint, because the file lists its motors and the joint has none.
+    pub fn holding_spring(&self, joint: &Joint) -> Option<JointSpring> {
+        let holds = |spring: &JointSpring| spring.stiffness_nm_rad > 0.0;
+        joint.spring.filter(|spring| self.lists_motors && !joint.has_motor && holds(spring))
+    }
+}
+
 /// A `<link>`.
 #[derive(Debug)]
 pub(super) struct Link {
@@ -97,12 +105,19 @@ pub(super) struct Joint {
     pub home: Option<f64>,
 }
 
-/// Law of a joint that follows another: `multiplier` times its position, plus `offset`, rad or m.
+/// Law of a joint that follows another: a polynomial of its position, rad or m.
 #[derive(Clone, Debug)]
 pub(super) struct Mimic {
     pub joint: String,
-    pub multiplier: f64,
-    pub offset: f64,
+    /// Coefficients, that of the power 0 first.
+    pub coefficients: [f64; 5],
+}
+
+impl Mimic {
+    /// Position with the other joint at 0.
+    pub fn offset(&self) -> f64 {
+        self.coefficients[0]
+    }
 }
 
 /// Crank and rod of a joint's motor. The crank is at its angle 0.

@@ -4,7 +4,7 @@ use super::bodies::Rigid;
 use super::model::{Kind, Mimic, Urdf};
 use super::notes::Notes;
 use super::side::Side;
-use super::toml_text::{key, show};
+use super::toml_text::{array, key, show};
 use super::tree::{Graph, Tree};
 use crate::document::{Document, alternatives};
 use std::collections::{HashMap, HashSet};
@@ -121,17 +121,23 @@ fn check_moving(rigid: &Rigid, urdf: &Urdf, graph: &Graph, tree: &Tree, notes: &
             notes.fault(joint.span.clone(), message, "behind a wheel", help);
         } else if rigid.wheels.contains(&index) {
             // An axle may have any joint type.
-        } else if let Some(Mimic { joint: other, multiplier, offset }) = &joint.mimics {
+        } else if let Some(mimic @ Mimic { joint: other, coefficients }) = &joint.mimics {
+            let law = match coefficients[2..] == [0.0; 3] {
+                true => format!(
+                    "{} times its position plus {}",
+                    show(coefficients[1]),
+                    show(coefficients[0])
+                ),
+                false => format!("the polynomial {} of its position", array(coefficients)),
+            };
             let message = format!(
-                "joint `{}` follows joint `{other}` by <mimic>, or <joint> of an equality: {} times its position plus {}",
-                joint.name,
-                show(*multiplier),
-                show(*offset)
+                "joint `{}` follows joint `{other}` by <mimic>, or <joint> of an equality: {law}",
+                joint.name
             );
             let help = format!(
                 "lock the joint where it is in the standing pose, [lock] {name} = {} if `{other}` is at 0 \
                  there, or remove <mimic>: each joint of a robot file has a motor of its own",
-                show(*offset)
+                show(mimic.offset())
             );
             notes.fault(joint.span.clone(), message, "no motor of its own", help);
         } else if !matches!(joint.kind, Kind::Revolute | Kind::Continuous) {

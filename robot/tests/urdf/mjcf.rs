@@ -167,7 +167,7 @@ fn linked(more: &str, joint: &str) -> String {
 }
 
 #[test]
-fn loops_tendons_and_springs_are_named_and_passive_joints_locked() {
+fn loops_and_tendons_are_named_and_joints_without_motor_and_spring_locked() {
     let connect =
         "<equality><connect body1=\"fl_rod\" body2=\"fl_shank\" anchor=\"0 0 -0.2\"/></equality>";
     let weld = "<equality><weld name=\"glue\" body1=\"fl_rod\" body2=\"fl_shank\"/></equality>";
@@ -177,7 +177,6 @@ fn loops_tendons_and_springs_are_named_and_passive_joints_locked() {
         (connect, "", ["<connect> `fl_rod – fl_shank`", "[lock]"]),
         (weld, "", ["<weld> `glue`", "[lock]"]),
         (tendon, "", ["<fixed> `belt`", "imported only if it is fixed"]),
-        ("", "stiffness=\"5\"", ["`fl_pin`", "fl_pin = 0.0 under [lock]"]),
         (
             "<actuator><motor name=\"pull\" tendon=\"belt\"/></actuator>",
             "",
@@ -256,6 +255,59 @@ fn springs_and_dampers_are_those_of_their_joints_unless_they_stand_for_a_servo()
     assert_eq!(spring("fr_knee"), Some([0.0, 0.0, 4e5]));
     assert_eq!(spring("rr_knee"), Some([0.0, 0.0, 4e5]));
     assert_eq!((spring("rl_knee"), spring("fl_hip")), (None, None));
+}
+
+#[test]
+fn a_joint_with_a_spring_and_no_actuator_becomes_passive() {
+    let text = linked("", "stiffness=\"5\" springref=\"20\" damping=\"0.1\"");
+    let survey = surveyed(&text).unwrap();
+    let warned = |words: &str| survey.warnings.iter().any(|warning| warning.contains(words));
+    assert!(
+        warned("has a spring and no motor, so only its spring holds it"),
+        "{:?}",
+        survey.warnings
+    );
+    assert!(!survey.template.contains("fl_pin = 0"), "{}", survey.template);
+    let imported = |side: &str| {
+        let side = Text { name: "side.toml", text: side };
+        import(Text { name: "robot.xml", text: &text }, side).unwrap()
+    };
+    let import = imported(&survey.template);
+    let pin = import.robot.joints.iter().find(|joint| joint.name == "fl_pin").unwrap();
+    assert!(pin.is_passive());
+    assert!((pin.nominal_rad - 20f64.to_radians()).abs() < 1e-3, "{}", pin.nominal_rad);
+    let spring = pin.spring.unwrap();
+    assert_eq!((spring.stiffness_nm_rad, spring.damping_nm_s_rad), (5.0, 0.1));
+    assert!((spring.rest_rad - 20f64.to_radians()).abs() < 1e-9);
+    assert_eq!(import.robot.channels().count(), 8, "the motors of the legs");
+
+    let driven = survey.template.replacen("fl_pin = { ", "fl_pin = { actuator = \"default\", ", 1);
+    assert_ne!(driven, survey.template);
+    let robot = imported(&driven).robot;
+    assert_eq!(robot.channels().count(), 9, "the side file gives the joint a motor");
+}
+
+#[test]
+fn a_servo_with_kv_0_leaves_its_damping_to_the_joint() {
+    let text = linked("", "")
+        .replace("name=\"rl_knee\"", "name=\"rl_knee\" damping=\"0.4\"")
+        .replace("<motor joint=\"rl_knee\"", "<position kp=\"20\" kv=\"0\" joint=\"rl_knee\"");
+    let warnings = surveyed(&text).unwrap().warnings;
+    let is_of_servo =
+        |w: &String| w.contains("`rl_knee`") && w.contains("`damping` is not imported");
+    assert!(warnings.iter().any(is_of_servo), "{warnings:?}");
+}
+
+#[test]
+fn a_curved_equality_of_joints_is_shown_as_a_polynomial() {
+    let text = linked(
+        "<equality><joint joint1=\"fl_pin\" joint2=\"fl_hip\" polycoef=\"0.1 2 0.5\"/></equality>",
+        "",
+    );
+    let side = surveyed(&text).unwrap().template.replace("fl_pin = 0.1\n", "");
+    let side = Text { name: "side.toml", text: &side };
+    let error = import(Text { name: "robot.xml", text: &text }, side).unwrap_err().to_string();
+    assert!(error.contains("the polynomial [0.1, 2.0, 0.5, 0.0, 0.0] of its position"), "{error}");
 }
 
 #[test]

@@ -250,6 +250,18 @@ fn dampers_of_a_urdf_are_those_of_their_joints() {
 }
 
 #[test]
+fn a_damping_beyond_that_of_any_robot_is_dropped() {
+    let made = Made::quadruped().urdf();
+    let text = made.replacen("</joint>", "<dynamics damping=\"1e3\"/></joint>", 1);
+    let (found, robot) = imported(&text);
+    assert!(robot.joints.iter().all(|joint| joint.spring.is_none()));
+    let side = Text { name: "side.toml", text: &found.template };
+    let warnings = import(Text { name: "robot.urdf", text: &text }, side).unwrap().warnings;
+    let is_named = |w: &String| w.contains("its damping of 1000.0 N·m·s/rad is dropped");
+    assert!(warnings.iter().any(is_named), "{warnings:?}");
+}
+
+#[test]
 fn blank_limits_are_named() {
     let made = Made::quadruped().urdf();
     let text = made.replace(WIDE, "lower=\"0\" upper=\"0\" effort=\"0\" velocity=\"0\"");

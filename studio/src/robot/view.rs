@@ -128,6 +128,9 @@ fn poses(view: &View, robot: &Robot, simulated: Option<&Simulated>) -> Vec<[f64;
         (base_position_m, world_from_body) = world.base();
         let shafts: BTreeMap<usize, f64> =
             world.shafts().map(|[angle_rad, ..]| angle_rad).enumerate().collect();
+        for (joint, angle_rad) in joint_rad.iter_mut().enumerate() {
+            *angle_rad = world.joint(joint)[0];
+        }
         sort_angles(robot, &mut joint_rad, &mut wheel_rad, |channel| shafts.get(&channel).copied());
     } else {
         (base_position_m, world_from_body) = match Standing::new(&tree) {
@@ -143,18 +146,18 @@ fn poses(view: &View, robot: &Robot, simulated: Option<&Simulated>) -> Vec<[f64;
     drawn(robot, &Frames::new(&tree, &at), &wheel_rad).collect()
 }
 
-/// Sorts the angles of channels (joints, then driven wheels) into the arrays of the scene.
+/// Sorts the angles of channels (joints with a motor, then driven wheels) into the arrays of the scene.
 fn sort_angles(
     robot: &Robot,
     joint_rad: &mut [f64],
     wheel_rad: &mut [f64],
     angle_rad: impl Fn(usize) -> Option<f64>,
 ) {
-    let joints = joint_rad.len();
+    let joints = robot.driven_joints().count();
     let transmission = robot.transmission();
     let mut motor_rad = transmission.motors(joint_rad);
-    for (channel, motor) in motor_rad.iter_mut().enumerate() {
-        *motor = angle_rad(channel).unwrap_or(*motor);
+    for (channel, joint) in robot.driven_joints().enumerate() {
+        motor_rad[joint] = angle_rad(channel).unwrap_or(motor_rad[joint]);
     }
     joint_rad.copy_from_slice(&transmission.joints(&motor_rad));
     let driven =

@@ -139,8 +139,8 @@ fn clip(stats: &ClipStats, bytes: Bytes) -> Clip {
 /// Values of a plan frame by frame, as little-endian `f32`.
 fn raw(plan: &Plan) -> miette::Result<Vec<u8>> {
     let frames = frames(plan).into_diagnostic()?;
-    let values = frames.iter().flat_map(|at| at.joint_rad.iter().chain(&at.motor_speed_rad_s));
-    Ok(values.flat_map(|value| (*value as f32).to_le_bytes()).collect())
+    let values = frames.iter().flat_map(|at| at.channels(&plan.robot));
+    Ok(values.flat_map(|value| (value as f32).to_le_bytes()).collect())
 }
 
 /// Table of the clips of a library, in bytes per second for its own channels.

@@ -221,6 +221,14 @@ pub(super) fn check(robot: &Robot) -> miette::Result<()> {
     if let Some(wheel) = robot.end_effectors.iter().find(|of| of.contact.freewheels()) {
         return Err(no_encoder(robot, &wheel.name));
     }
+    if let Some(joint) = robot.joints.iter().find(|joint| joint.is_passive()) {
+        return Err(miette!(
+            help = "play its motions without feedback, with `rollwalk send` or `rollwalk console`",
+            "joint `{}` of {} has no motor and no encoder, so the state of the robot cannot be estimated",
+            joint.name,
+            robot.name
+        ));
+    }
     let unfit = robot.channels().find(|channel| {
         let bus = robot.buses.get(&channel.actuator().bus).copied().unwrap_or_default();
         !bus.can_be_tracked()

@@ -45,14 +45,14 @@ pub fn scores(plans: &[&Plan], rig: &Rig, robot: &Robot) -> BTreeMap<ClipId, Sco
         let Some(spline) = splines.get(usize::from(clip.0)) else { continue };
         let score = scores.entry(clip).or_default();
         let planned = spline.setpoints(phase_frames / f64::from(RATE_HZ));
-        let joints = planned.joint_rad.len();
-        for (channel, commanded) in record.targets().enumerate() {
-            let commanded = f64::from(commanded);
-            let (worst, planned) = match channel.checked_sub(joints) {
-                None => (&mut score.command_joint_rad, planned.joint_rad[channel]),
-                Some(wheel) => (&mut score.command_wheel_rad_s, planned.motor_speed_rad_s[wheel]),
+        let joints = robot.driven_joints().count();
+        let both = record.targets().zip(planned.channels(robot)).enumerate();
+        for (channel, (commanded, planned)) in both {
+            let worst = match channel < joints {
+                true => &mut score.command_joint_rad,
+                false => &mut score.command_wheel_rad_s,
             };
-            *worst = worst.max((commanded - planned).abs());
+            *worst = worst.max((f64::from(commanded) - planned).abs());
         }
     }
     let loads = bus_loads(records, &traffic(rig, robot), period_us);

@@ -28,6 +28,7 @@ impl Source {
             .into_iter()
             .flat_map(|(kind, wheels)| of_limbs(&document, kind).map(move |table| (table, wheels)))
             .filter(|(table, wheels)| !wheels || text_of(table, "contact") == "actuated_wheel")
+            .filter(|(table, _)| table.contains_key("actuator"))
             .map(|(table, _)| text_of(table, "actuator"));
         let drives = groups(channels);
         let names = of_limbs(&document, "link").map(|link| {

@@ -103,6 +103,13 @@ impl CorrectedPlan {
                 joint.name
             ));
         }
+        if let Some(joint) = plan.robot.joints.iter().find(|joint| joint.is_passive()) {
+            return Err(miette!(
+                help = "play the plan with feed-forward torques, which needs no corrections",
+                "joint `{}` has no motor, and set-points of robots with such joints cannot be corrected",
+                joint.name
+            ));
+        }
         let control = if feed_forward { Control::FeedForward } else { Control::Servos };
         let options = Options {
             feed_forward,

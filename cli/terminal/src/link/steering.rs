@@ -98,8 +98,8 @@ impl SteeringArgs {
             .library()
             .safe_pose_into(&mut pose)
             .ok_or_else(|| miette!("cannot read the SAFE pose of {}", library.display()))?;
-        let safe_rad =
-            pose.iter().take(robot.joints.len()).map(|&angle| f64::from(angle)).collect();
+        let angles = pose.iter().map(|&angle| f64::from(angle));
+        let safe_rad = robot.all_joints(angles, |_, joint| joint.nominal_rad);
         let plan = self.gait.as_deref().map(inputs::plan).transpose()?;
         if let Some(plan) = &plan {
             check_gait(library, plan, &robot)?;

@@ -56,6 +56,9 @@ pub fn identify(
     if let Some(joint) = robot.joints.iter().find(|joint| joint.is_coupled()) {
         return Err(FitError::Coupled(joint.name.clone()));
     }
+    if let Some(joint) = robot.joints.iter().find(|joint| joint.is_passive()) {
+        return Err(FitError::Passive(joint.name.clone()));
+    }
     let file = SimulationModel::new(robot);
     let replay = replay(recording, &file, options)?;
     let until = replay.steps - (replay.steps as f64 * options.held_out) as usize;

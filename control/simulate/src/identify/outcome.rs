@@ -134,6 +134,12 @@ pub enum FitError {
          cannot be fitted"
     )]
     Coupled(String),
+    /// Joint without a motor, whose angle is not measured.
+    #[error(
+        "joint `{0}` has no motor, and robots with such joints cannot be fitted; measure its spring \
+         on a bench"
+    )]
+    Passive(String),
     /// End of the search by the caller.
     #[error("interrupted")]
     Ended,

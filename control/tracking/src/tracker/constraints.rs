@@ -12,7 +12,7 @@ pub(super) const OF_CONTACT: usize = 5;
 impl Tracker {
     /// Adds the dynamics M ν̇ + h = Σ Jᵀ f of degrees of freedom without motors.
     pub(super) fn add_dynamics(&mut self) {
-        let free = (0..JOINTS).chain(self.free_wheels.iter().copied());
+        let free = (0..JOINTS).chain(self.undriven.iter().copied());
         for (constraint, dof) in free.enumerate() {
             let Self { program, mass, feet, .. } = self;
             write_torque(program, constraint, &[(dof, 1.0)], 1.0, mass, feet);

@@ -105,11 +105,11 @@ impl<'r> Figure<'r> {
         torque_nm: &[f64],
         time_s: f64,
     ) -> JointStates {
-        let wheels = driven_wheels(self.robot).map(|wheel| &posture.wheel_rad[wheel]);
-        let angles_rad = posture.joint_rad.iter().chain(wheels);
-        let state = |(channel, (name, angle_rad)): (usize, (&String, &f64))| JointState {
+        let wheels = driven_wheels(self.robot).map(|wheel| posture.wheel_rad[wheel]);
+        let angles_rad = self.robot.of_driven_joints(posture.joint_rad).chain(wheels);
+        let state = |(channel, (name, angle_rad)): (usize, (&String, f64))| JointState {
             name: name.clone(),
-            position: Some(*angle_rad),
+            position: Some(angle_rad),
             velocity: speed_rad_s.get(channel).copied(),
             effort: torque_nm.get(channel).copied(),
         };

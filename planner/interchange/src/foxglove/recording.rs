@@ -57,7 +57,7 @@ pub fn recording(plan: &Plan, rate: Rate) -> Result<Vec<u8>, RecordingError> {
             wheel_rad: &spline.motor_angles_rad(time_s),
         };
         let (setpoints, torque_nm) = whole.setpoints(time_s);
-        let speeds = [setpoints.joint_speed_rad_s, setpoints.motor_speed_rad_s].concat();
+        let speeds: Vec<_> = setpoints.speeds_rad_s(&plan.robot).collect();
         let feet = sample.end_effectors.iter().map(|foot| (foot.position_m, foot.force_n));
         let feet: Vec<_> = feet.collect();
         let [x, y, z] = sample.com_m;

@@ -54,7 +54,7 @@ pub fn standing(robot: &Robot) -> Option<Keyframe> {
             &robot.transmission().motors(&state.joint_rad),
             &vec![0.0; robot.joints.len()],
             &vec![0.0; motors.count()],
-            &standing.torque_nm,
+            &robot.of_driven_joints(&standing.torque_nm).collect::<Vec<_>>(),
         ),
     })
 }
@@ -92,7 +92,7 @@ pub fn keyframes(plan: &Plan, rate: Rate) -> Vec<Keyframe> {
 }
 
 /// Controls of servos, rad, and of drives, rad/s. Each control is the set-point plus an offset, through which the model's
-/// servo adds set-point speed and feed-forward torque.
+/// servo adds set-point speed and feed-forward torque. Torques are in channel order.
 fn controls(
     robot: &Robot,
     joint_rad: &[f64],
@@ -101,13 +101,13 @@ fn controls(
     torques_nm: &[f64],
 ) -> Vec<f64> {
     let offset = |torque_nm: f64, gain: f64| if gain > 0.0 { torque_nm / gain } else { 0.0 };
-    let joints = robot.joints.iter().enumerate().map(|(k, joint)| {
-        let motor = &joint.actuator;
-        let feed_forward_nm = motor.kd_nm_s_rad * joint_rad_s[k] + torques_nm[k];
+    let joints = robot.driven_joints().zip(torques_nm).map(|(k, torque_nm)| {
+        let motor = &robot.joints[k].actuator;
+        let feed_forward_nm = motor.kd_nm_s_rad * joint_rad_s[k] + torque_nm;
         joint_rad[k] + offset(feed_forward_nm, motor.kp_nm_rad)
     });
     let motors = robot.end_effectors.iter().filter_map(|foot| foot.contact.actuator());
-    let torques = torques_nm[robot.joints.len()..].iter().chain(std::iter::repeat(&0.0));
+    let torques = torques_nm[robot.driven_joints().count()..].iter().chain(std::iter::repeat(&0.0));
     let wheels = motors.zip(motor_rad_s).zip(torques);
     let wheels =
         wheels.map(|((motor, speed), torque_nm)| speed + offset(*torque_nm, motor.kd_nm_s_rad));

@@ -18,7 +18,8 @@ impl Term for JointSpeed {
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let h = window.problem.interval_s;
-        for (j, joint) in window.problem.model.robot().joints.iter().enumerate() {
+        let robot = window.problem.model.robot();
+        for (j, joint) in robot.driven_joints().map(|j| (j, &robot.joints[j])) {
             let limit = joint.actuator.speed_max_rad_s;
             let usable = window.problem.reserve.speed_use;
             out.set(limit, Role::Inequality { band: BAND_FRACTION });

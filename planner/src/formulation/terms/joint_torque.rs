@@ -280,7 +280,8 @@ impl Term for JointTorque {
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
-        for (j, joint) in window.problem.model.robot().joints.iter().enumerate() {
+        let robot = window.problem.model.robot();
+        for (j, joint) in robot.driven_joints().map(|j| (j, &robot.joints[j])) {
             let limit = joint.actuator.torque_max_nm;
             let role = Role::Inequality { band: BAND_FRACTION };
             out.set(limit, role);

@@ -24,7 +24,8 @@ pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
         (0..robot.joints.len()).map(|joint| composite.joint_inertia(tree, frames, joint)).collect();
     let of_robot_kg_m2 = robot.total_mass_kg() * seen.size_m.powi(2);
     let mut warnings = Vec::new();
-    for (index, joint) in robot.joints.iter().enumerate() {
+    for index in robot.driven_joints() {
+        let joint = &robot.joints[index];
         let warning = |text| RobotWarning::of("joint", &joint.name, text);
         let motor = &joint.actuator;
         let before = tree.joints_to_link(joint.child).iter().map(|joint| carried[*joint]);

@@ -8,5 +8,6 @@ mod euler;
 mod jacobians;
 mod mjcf;
 mod mujoco;
+mod passive;
 mod robots;
 mod standing;

@@ -7,7 +7,7 @@ use rollwalk_robot::{Contact, EndEffector, JointSpring, Robot};
 use std::fs;
 use std::path::Path;
 
-/// Shipped robots, sorted by file name.
+/// Shipped robots without springs, sorted by file name. [`sprung`] adds springs.
 pub fn shipped() -> Vec<Robot> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shipped/robots");
     let mut paths: Vec<_> =
@@ -17,8 +17,10 @@ pub fn shipped() -> Vec<Robot> {
     assert!(paths.len() >= 16, "{paths:?}");
     let robot = |path: &std::path::PathBuf| {
         let name = path.file_name().unwrap().to_str().unwrap();
-        Robot::from_toml(name, &fs::read_to_string(path).unwrap())
-            .expect("shipped robots are valid")
+        let text = fs::read_to_string(path).unwrap();
+        let mut robot = Robot::from_toml(name, &text).expect("shipped robots are valid");
+        robot.joints.iter_mut().for_each(|joint| joint.spring = None);
+        robot
     };
     paths.iter().map(robot).collect()
 }

@@ -77,11 +77,13 @@ pub(super) fn locks(urdf: &Urdf, tree: &Tree) -> Vec<(usize, f64)> {
     tree.order.iter().filter_map(locked).collect()
 }
 
-/// Joints without a motor in a file that lists its motors, except axles.
+/// Joints without a motor in a file that lists its motors, except axles and joints that a spring holds.
 pub(super) fn passive(urdf: &Urdf, bodies: &Bodies, axles: &[usize]) -> Vec<usize> {
     let joints = bodies.moving.iter().map(|moving| moving.joint);
     let is_passive = |joint: &usize| {
-        urdf.lists_motors && !urdf.joints[*joint].has_motor && !axles.contains(joint)
+        let of = &urdf.joints[*joint];
+        let is_held = axles.contains(joint) || urdf.holding_spring(of).is_some();
+        urdf.lists_motors && !of.has_motor && !is_held
     };
     joints.filter(is_passive).collect()
 }

@@ -379,12 +379,11 @@ fn drives<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>) -
     for node in of_kind("equality").filter(|node| node.has_tag_name("joint")) {
         if let (Some(one), Some(other)) = (node.attribute("joint1"), node.attribute("joint2")) {
             let law = reader.numbers(Element { node, class: None }, "polycoef", 1, 5);
-            let law = law.unwrap_or_default();
-            let mimic = Mimic {
-                joint: other.to_owned(),
-                multiplier: law.get(1).copied().unwrap_or(1.0),
-                offset: law.first().copied().unwrap_or(0.0),
-            };
+            let mut coefficients = [0.0, 1.0, 0.0, 0.0, 0.0];
+            for (coefficient, given) in coefficients.iter_mut().zip(law.unwrap_or_default()) {
+                *coefficient = given;
+            }
+            let mimic = Mimic { joint: other.to_owned(), coefficients };
             drives.follows.insert(one, mimic);
         }
     }

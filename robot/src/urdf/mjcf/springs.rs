@@ -6,14 +6,14 @@ use crate::spring::JointSpring;
 use crate::urdf::elements::tag;
 use crate::urdf::model::Urdf;
 use crate::urdf::names::some_names;
-use crate::urdf::toml_text::{key, show};
+use crate::urdf::toml_text::key;
 use roxmltree::Node;
 
 /// Springs and dampers that the import does not take over as they are, with the tags of their joints.
 #[derive(Default)]
 pub struct Springs {
-    /// Joints with a spring and no motor, and its rest angle, rad.
-    passive: Vec<(String, f64, Span)>,
+    /// Joints with a spring and no motor.
+    passive: Vec<(String, Span)>,
     /// Joints whose damping is that of their servo.
     of_servos: Vec<(String, Span)>,
     /// Joints with a spring or damper that is not linear.
@@ -37,7 +37,8 @@ pub fn is_undamped<'a, 'i>(
     of: Element<'a, 'i>,
     actuator: Node<'a, 'i>,
 ) -> bool {
-    let damps = ["kv", "dampratio"].iter().any(|name| reader.word(of, name).is_some());
+    let mut damps = |name| reader.number(of, name).is_some_and(|gain| gain != 0.0);
+    let damps = damps("kv") | damps("dampratio");
     let bias = reader.numbers(of, "biasprm", 1, 10).unwrap_or_default();
     let holds = actuator.has_tag_name("position")
         || reader.word(of, "biastype") == Some("affine") && bias.get(1).is_some_and(|k| *k != 0.0);
@@ -71,7 +72,7 @@ impl Springs {
         }
         match drive {
             Drive::None if spring.stiffness_nm_rad > 0.0 => {
-                self.passive.push((name.to_owned(), spring.rest_rad, tag(of.node)));
+                self.passive.push((name.to_owned(), tag(of.node)));
             }
             Drive::Undamped if spring.damping_nm_s_rad > 0.0 => {
                 self.of_servos.push((name.to_owned(), tag(of.node)));
@@ -85,16 +86,15 @@ impl Springs {
 
     /// Warns of springs and dampers that the import changes. Joints that a crank drives have a motor in `urdf`.
     pub fn warn(&self, reader: &mut Reader<'_, '_, '_, '_, '_>, urdf: &Urdf) {
-        let is_passive = |(name, ..): &&(String, f64, Span)| {
+        let is_passive = |(name, _): &&(String, Span)| {
             urdf.joints.iter().any(|joint| joint.name == *name && !joint.has_motor)
         };
         let passive: Vec<_> = self.passive.iter().filter(is_passive).collect();
-        if let Some((name, rest_rad, span)) = passive.first() {
-            let names = some_names(passive.iter().map(|(name, ..)| name));
+        if let Some((name, span)) = passive.first() {
+            let names = some_names(passive.iter().map(|(name, _)| name));
             reader.notes.warn(span, format_args!(
-                "joint {names}: has a spring but no motor, and robot files have no joints without a motor; lock the joint at the rest angle of the spring, such as {} = {} under [lock] of the side file",
-                key(name),
-                show(*rest_rad)
+                "joint {names}: has a spring and no motor, so only its spring holds it; if a motor turns it, give {} = {{ actuator = \"…\" }} under [joint] of the side file",
+                key(name)
             ));
         }
         if let Some((_, span)) = self.of_servos.first() {

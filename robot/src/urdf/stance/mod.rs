@@ -64,7 +64,15 @@ pub(super) fn turns(urdf: &Urdf, bodies: &Bodies) -> Vec<Turn> {
     let joints = bodies.moving.iter().map(|moving| &urdf.joints[moving.joint]);
     let turn = |joint: &super::model::Joint| {
         let [min_rad, max_rad] = position_limits(urdf, joint);
-        Turn { axis: joint.axis, min_rad, max_rad, home_rad: joint.home }
+        let home_rad = joint.home;
+        // A spring without a motor holds its joint near the rest angle.
+        match urdf.holding_spring(joint) {
+            Some(spring) => {
+                let rest_rad = home_rad.unwrap_or(spring.rest_rad).clamp(min_rad, max_rad);
+                Turn { axis: joint.axis, min_rad: rest_rad, max_rad: rest_rad, home_rad }
+            }
+            None => Turn { axis: joint.axis, min_rad, max_rad, home_rad },
+        }
     };
     joints.map(turn).collect()
 }
