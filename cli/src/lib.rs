@@ -50,10 +50,9 @@ fn exits(path: &str) -> &'static [Exit] {
         "plan" | "report" | "simulate" | "retarget" | "library build" => &[Exit::DoesNotHold],
         "design edit" | "design keep" | "design optimise" => &[Exit::DoesNotHold],
         "bench" => &[Exit::DoesNotHold, Exit::OutOfBounds],
+        "drive" => &[Exit::DoesNotHold, Exit::NotDone],
         "control" | "discover" | "flash" | "send" | "monitor" | "gains" | "doctor" | "console"
-        | "drive" | "estop" | "clear" | "disarm" | "pause" | "resume" | "return" => {
-            &[Exit::NotDone]
-        }
+        | "estop" | "clear" | "disarm" | "pause" | "resume" | "return" => &[Exit::NotDone],
         _ => &[],
     }
 }

@@ -62,3 +62,24 @@ fn in_real_time_a_robot_is_steered_by_a_list_and_disarmed() {
     assert!(told.lines().any(|line| line.contains("steered forward 0.20")), "{told}");
     drop(robot);
 }
+
+/// Tests a simulated drive over a kerb, on the map of its file and on a sensed one.
+#[test]
+fn a_simulated_robot_is_steered_over_terrain() {
+    let desk = desk_with_shipped_files();
+    desk.make(&["library", "build", "motions/agilebot_library.toml", "-o", "a.rwl"]);
+    desk.write("kerb.toml", "[step]\nat_x_m = 0.4\nheight_m = 0.015\n");
+    let steer = ["drive", "a.rwl", "--steer", "0.2:0.2,0,0", "--until", "3"];
+    let drive = |more: &[&str]| desk.run(&[&steer[..], more].concat());
+    drive(&[]).fails(1, &["there is no bus to the robot", "--terrain TERRAIN.toml"]);
+    drive(&["--terrain", "kerb.toml", "--sensed", "5"]).fails(2, &["NOISE,HOLES,DELAY"]);
+    drive(&["--terrain", "none.toml"]).fails(1, &["there is no terrain file"]);
+    for map in [&[][..], &["--sensed"], &["--sensed", "2,10,300"]] {
+        let told = drive(&[&["--terrain", "kerb.toml"][..], map].concat()).succeeds();
+        assert!(told.contains("kerb.toml: the robot did not fall in 3.0 s"), "{told}");
+        let ahead = told.split("it came ").nth(1).and_then(|rest| rest.split(' ').next());
+        let ahead_m: f64 = ahead.and_then(|ahead| ahead.parse().ok()).expect("a distance");
+        // It speeds up in the first half second.
+        assert!((0.45..0.57).contains(&ahead_m), "{told}");
+    }
+}

@@ -3,6 +3,7 @@
 mod app;
 mod controls;
 mod screen;
+mod simulated;
 mod steps;
 #[cfg(test)]
 mod tests;
@@ -17,9 +18,10 @@ use rollwalk_host::listener;
 use rollwalk_host::operator::Operator;
 use rollwalk_host::session::SessionError;
 use rollwalk_pilot::{Pilot, SteeredRobot};
+use rollwalk_simulate::elevation::Sensing;
 use rollwalk_terminal::inputs::number_within;
 use rollwalk_terminal::link::steering::{GIVE_GAIT, SteeringArgs, SteeringInputs};
-use rollwalk_terminal::link::{LinkArgs, cannot_open, report_failure};
+use rollwalk_terminal::link::{MaybeLinkArgs, cannot_open, report_failure};
 use rollwalk_terminal::{Exit, interrupt, output};
 use std::io::{self, IsTerminal};
 use std::path::PathBuf;
@@ -35,6 +37,9 @@ use std::path::PathBuf;
 /// stop; `a` arms, `r` goes to SAFE, `q` goes to SAFE, disarms and quits; a second `q` disarms at once, even in the middle of a
 /// step. With --steer no terminal is needed: the program arms the robot, steers it by the list, and disarms it.
 ///
+/// With --terrain, a simulated robot is steered over a terrain, without a bus. The robot is measured: each horizon begins in its
+/// present state, and a tracker follows the plans with the measured contacts.
+///
 /// This program is the robot's host: it sends the heartbeat that keeps an armed robot armed. After a quarter of a second
 /// without set-points the robot holds its pose, and then sinks with damped joints.
 #[derive(clap::Args)]
@@ -44,7 +49,8 @@ Examples:
   rollwalk drive agilebot.rwl --bus sim                     # on its wheels
   rollwalk drive agilebot.rwl --gait walk.plan.json --gamepad auto --bus serial:/dev/ttyACM0
   rollwalk drive agilebot.rwl --gait walk.plan.json --bus sim \\
-      --steer 1:0.15,0,0 --steer 10:0.15,0,0.3 --steer 20:0,0,0 --until 25")]
+      --steer 1:0.15,0,0 --steer 10:0.15,0,0.3 --steer 20:0,0,0 --until 25
+  rollwalk drive agilebot.rwl --terrain stairs.toml --sensed --steer 1:0.15,0,0 --until 60")]
 pub struct Args {
     /// Motion library of the controller (.rwl). The robot begins and ends in its SAFE pose.
     #[arg(value_name = "LIB.rwl")]
@@ -53,7 +59,7 @@ pub struct Args {
     #[arg(long, value_name = "ROBOT.toml")]
     robot: Option<PathBuf>,
     #[command(flatten)]
-    link: LinkArgs,
+    link: MaybeLinkArgs,
     #[command(flatten)]
     steering: SteeringArgs,
     /// Gamepad that also steers: auto, or a device such as /dev/input/event7.
@@ -74,6 +80,20 @@ pub struct Args {
     /// End of the drive with --steer, seconds.
     #[arg(long, value_name = "S", requires = "steer", value_parser = duration)]
     until: Option<f64>,
+    /// Terrain file (docs/terrain-files.md) of a simulated drive. The planner uses it as its map.
+    #[arg(long, value_name = "TERRAIN.toml", requires = "steer")]
+    terrain: Option<PathBuf>,
+    /// Plan a simulated drive on a map that is sensed around the robot: standard deviation of its heights in mm, unknown part in
+    /// %, delay in ms.
+    #[arg(
+        long,
+        value_name = "NOISE,HOLES,DELAY",
+        requires = "terrain",
+        num_args = 0..=1,
+        default_missing_value = simulated::SENSING,
+        value_parser = simulated::sensing
+    )]
+    sensed: Option<Sensing>,
 }
 
 fn duration(text: &str) -> Result<f64, String> {
@@ -93,15 +113,24 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     let prepared = args.steering.prepare(&args.library, args.robot.as_deref())?;
     prepared.check_goes().map_err(|why| miette!(help = GIVE_GAIT, "{why}"))?;
+    if let Some(terrain) = &args.terrain {
+        return simulated::run(args, &prepared.route, terrain);
+    }
+    let link = args.link.link().ok_or_else(|| {
+        miette!(
+            help = "name a bus with --bus, or simulate the drive with --terrain TERRAIN.toml",
+            "there is no bus to the robot"
+        )
+    })?;
     let SteeringInputs { route, fastest, catalog } = prepared;
     let gamepad =
         args.gamepad.as_deref().map(|device| Gamepad::open(device, args.mapping.as_deref()));
     let gamepad = gamepad.transpose()?;
-    let peer = args.link.peer()?;
-    let mut bus = args.link.live().map_err(cannot_open)?;
-    let node = args.link.node;
+    let peer = link.peer()?;
+    let mut bus = link.live().map_err(cannot_open)?;
+    let node = link.node;
     if listener::find_host(&mut bus, node).is_ok_and(|listener| listener.has_host()) {
-        return Ok(report_failure(&args.link, &SessionError::HasHost { node: node.number() }));
+        return Ok(report_failure(&link, &SessionError::HasHost { node: node.number() }));
     }
     let mut operator = Operator::new(peer, Some(catalog.config_hash));
     if !needs_terminal {
@@ -110,7 +139,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     operator.set_catalog(Some(catalog.clone()));
     let controls = Controls::new(fastest, route.gait.is_some());
     let steered = SteeredRobot::new(Pilot::new(false), route, args.steering.budget());
-    let mut app = App::new(&args.link, bus, operator, steered, controls, catalog);
+    let mut app = App::new(&link, bus, operator, steered, controls, catalog);
     if let Some(until_s) = args.until.filter(|_| !needs_terminal) {
         interrupt::install_handler();
         return Ok(exit(app.steer(&args.steer, until_s)));
