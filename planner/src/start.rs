@@ -52,7 +52,7 @@ pub enum Start {
 
 /// Amplitude of the swing at the start of a robot on free wheels, rad.
 const SWING_RAD: f64 = 0.1;
-/// Amplitude of the swing in standing starts with a seed other than 0, rad.
+/// Amplitude of the random joint motion that a seed other than 0 adds to the standing start, rad.
 const NUDGE_RAD: f64 = 0.02;
 /// Approximate duration of a swing in motions that are not periodic, s.
 const SWING_S: f64 = 1.2;

@@ -206,7 +206,7 @@ fn each_section_of_the_runbook_says_what_an_operator_needs() {
     }
 }
 
-/// Contents of a report are named in the first sentence of "FAULT reports", with the terms of the catalogue.
+/// Checks that each section of docs/faults.md names channel and value of a report as [`Fault::description`] does.
 #[test]
 fn the_runbook_says_what_each_fault_reports() {
     for (fault, (_, text)) in (0..).map(Fault::from_code).zip(sections()) {

@@ -491,9 +491,9 @@ fn check_goal(root: &Table<'_>, motion: &Motion, robot: &Robot) {
                 );
                 // The lean of the body is only a bound for fully extended legs, not an estimate.
                 let help = format!(
-                    "give a longer duration: the wheel rolls at up to {speed_m_s:.3} m/s (radius × \
-                     speed limit), so the distance takes {:.2} s without leaning, plus time for \
-                     start and stop",
+                    "give a longer duration: rolling {distance_m} m takes at least {:.2} s at {speed_m_s:.3} m/s \
+                     (radius × speed limit), plus time to start and stop; a body that leans forward saves a \
+                     little",
                     distance_m / speed_m_s
                 );
                 root.fault("duration_s", problem, "too short", help);

@@ -84,7 +84,7 @@ impl Motion {
         self.duration_s / intervals as f64
     }
 
-    /// Sets the terrain of the motion, and what follows from it for a robot.
+    /// Sets the terrain of the motion, and derives the footing of a robot's end effectors from it.
     pub fn set_terrain(&mut self, terrain: Terrain, margins: ContactMargins, robot: &Robot) {
         let count = robot.end_effectors.len();
         let rolls: Vec<bool> = (0..count)

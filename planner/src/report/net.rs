@@ -69,7 +69,7 @@ impl fmt::Display for UndoneGoal {
         let Self { field, goal, left } = self;
         write!(
             f,
-            "of {field} = {goal:.3}, only {left:.3} remain after a return to the initial posture: the body leans over feet and wheels that stay in place, and the next transition moves the body back"
+            "{field} = {goal:.3}, but feet and wheels move by {left:.3}: the body leans by the difference, and the next transition moves it back"
         )
     }
 }

@@ -286,7 +286,7 @@ fn goals_out_of_reach_are_rejected_before_the_optimiser_tries() {
         &[(
             duration,
             "2.5 s for a distance of 4 m on the wheel of `front_left`",
-            "the distance takes 11.68 s without leaning",
+            "takes at least 11.68 s at",
         )],
     );
     let error = Motion::from_toml("m.toml", DRIVE, &creature3()).unwrap_err();

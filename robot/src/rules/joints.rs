@@ -72,10 +72,10 @@ impl Check<'_> {
         self.vector("origin_in_parent_m", &joint.parent_from_joint.translation.vector);
         let rotation = joint.parent_from_joint.rotation.norm();
         if (rotation - 1.0).abs() > 1e-9 || rotation.is_nan() {
-            let help = "give the joint frame a unit quaternion";
+            let help = "normalise the quaternion of the rotation";
             self.violated(
-                "origin_rpy_rad",
-                format_args!("has a quaternion of length {rotation}"),
+                "parent_from_joint",
+                format_args!("has a rotation of norm {rotation}"),
                 help,
             );
         }

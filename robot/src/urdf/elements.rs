@@ -99,16 +99,17 @@ impl Reader<'_, '_> {
             (written.len() <= NUMBERS_MAX).then(|| words.map(finite).collect()).flatten();
         let numbers = parsed.and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
         if numbers.is_none() {
-            let wanted = if N == 1 { "one number".to_owned() } else { format!("{N} numbers") };
+            let wanted =
+                if N == 1 { "one finite number".to_owned() } else { format!("{N} finite numbers") };
             let wanted = wanted + unit(node.tag_name().name(), name);
             let help = if written.contains("${") || written.contains("$(") {
                 EXPAND.to_owned()
             } else if written.contains(',') {
                 format!("give {wanted} with a decimal point, separated by blanks, without commas")
             } else if N == 1 {
-                format!("{wanted}, finite")
+                wanted.clone()
             } else {
-                format!("{wanted}, finite, separated by blanks")
+                format!("{wanted}, separated by blanks")
             };
             let shown: String = written.chars().take(60).collect();
             let message = format!("{}: `{name}` is \"{shown}\"", called(node));

@@ -29,8 +29,12 @@ fn numbers_that_are_none() {
         "xyz=\"-0,2 0,1 -0,1\"",
         &["`left_arm`", "-0,2", "without commas"],
     );
-    urdf("xyz=\"-0.2 0.1 -0.1\"", "xyz=\"-0.2 0.1\"", &["`left_arm`", "-0.2 0.1", "3 numbers"]);
-    urdf("mass value=\"5.0\"", "mass value=\"5kg\"", &["`trunk`", "5kg", "one number"]);
+    urdf(
+        "xyz=\"-0.2 0.1 -0.1\"",
+        "xyz=\"-0.2 0.1\"",
+        &["`left_arm`", "-0.2 0.1", "3 finite numbers"],
+    );
+    urdf("mass value=\"5.0\"", "mass value=\"5kg\"", &["`trunk`", "5kg", "one finite number"]);
     urdf("mass value=\"5.0\"", "mass value=\"nan\"", &["`trunk`", "finite"]);
     urdf("mass value=\"5.0\"", "mass value=\"-5\"", &["`trunk`", "-5 kg", "0 or above"]);
     urdf("mass value=\"5.0\"", "mass value=\"5000\"", &["`base_link`", "5000.75 kg", "grams"]);
@@ -48,9 +52,17 @@ fn limits_in_degrees_that_leave_no_room() {
 
 #[test]
 fn numbers_say_their_unit_and_files_where_they_end() {
-    urdf("mass value=\"5.0\"", "mass value=\"heavy\"", &["`trunk`: <mass>", "one number in kg"]);
+    urdf(
+        "mass value=\"5.0\"",
+        "mass value=\"heavy\"",
+        &["`trunk`: <mass>", "one finite number in kg"],
+    );
     urdf("ixx=\"0.03\"", "ixx=\"much\"", &["`trunk`: <inertia>", "`ixx`", "in kg·m²"]);
-    urdf("xyz=\"-0.2 0.1 -0.1\"", "xyz=\"a b c\"", &["`left_arm`: <origin>", "3 numbers in m"]);
+    urdf(
+        "xyz=\"-0.2 0.1 -0.1\"",
+        "xyz=\"a b c\"",
+        &["`left_arm`: <origin>", "3 finite numbers in m"],
+    );
     let limit = "velocity=\"1\" effort=\"10\"";
     urdf(limit, "velocity=\"1\" effort=\"ten\"", &["`mast`: <limit>", "`effort`", "in N·m"]);
     let cut = &URDF[..URDF.find("<joint name=\"left_hip\"").unwrap()];

@@ -77,7 +77,7 @@ fn what_stands_for_other_elements_is_named_with_what_writes_them() {
 #[test]
 fn faults_name_the_element_the_value_and_what_would_be_right() {
     let cases = [
-        ("<body name=\"leg\" pos=\"0 0\"/>", "body `leg`: `pos` is \"0 0\"; 3 numbers"),
+        ("<body name=\"leg\" pos=\"0 0\"/>", "body `leg`: `pos` is \"0 0\"; 3 finite numbers"),
         ("<body name=\"leg\" quat=\"0 0 0 0\"/>", "its orientation is none"),
         (
             "<body name=\"leg\"><joint name=\"j\" type=\"screw\"/></body>",
@@ -89,7 +89,10 @@ fn faults_name_the_element_the_value_and_what_would_be_right() {
         ),
         ("<body name=\"leg\"><inertial pos=\"0 0 0\"/></body>", "`mass` is missing"),
         ("<body name=\"leg\" childclass=\"lag\"/>", "class `lag` does not exist"),
-        ("<body name=\"leg\"><geom size=\"nan\"/></body>", "`size` is \"nan\"; 1 to 3 numbers"),
+        (
+            "<body name=\"leg\"><geom size=\"nan\"/></body>",
+            "`size` is \"nan\"; 1 to 3 finite numbers",
+        ),
     ];
     for (inside, expected) in cases {
         let why = surveyed(&trunk(inside)).unwrap_err();

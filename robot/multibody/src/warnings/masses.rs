@@ -121,7 +121,7 @@ fn density(link: &Link) -> Option<String> {
     let density = link.mass_kg / volume_m3;
     let [least, most] = DENSITY;
     let slip = if density < least {
-        "lighter than foam; give the mass in kg"
+        "lighter than foam; give the mass in kg, and check that the inertia is in kg·m²"
     } else if density > most {
         "heavier than any metal; divide a mass in g by 1000, and check that the lengths in m are \
          not too small"
@@ -130,7 +130,7 @@ fn density(link: &Link) -> Option<String> {
     };
     let decimals = if density < 10.0 { 2 } else { 0 };
     Some(format!(
-        "{} kg in {:.1} cm³ is a density of {density:.decimals$} kg/m³, {slip}",
+        "mass {} kg and inertia are those of a box of {:.1} cm³ with a density of {density:.decimals$} kg/m³, {slip}",
         link.mass_kg,
         1e6 * volume_m3
     ))

@@ -36,8 +36,8 @@ pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
         {
             warnings.push(warning(format!(
                 "`armature_kg_m2` is {armature_kg_m2}, {:.0} times the inertia of the limb; give \
-                 the rotor's inertia times the square of the gear ratio, with g·cm² multiplied by \
-                 1e-7 and kg·cm² by 1e-4",
+                 the rotor's inertia times the square of the gear ratio, in kg·m² (1 g·cm² = 1e-7 \
+                 kg·m², 1 kg·cm² = 1e-4 kg·m²)",
                 armature_kg_m2 / limb_kg_m2
             )));
         }

@@ -72,13 +72,14 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
         let numbers = parsed.filter(|numbers| (least..=most).contains(&numbers.len()));
         if numbers.is_none() {
             let wanted = match (least, most) {
-                (1, 1) => "one number".to_owned(),
-                _ if least == most => format!("{least} numbers"),
-                _ => format!("{least} to {most} numbers"),
+                (1, 1) => "one finite number".to_owned(),
+                _ if least == most => format!("{least} finite numbers"),
+                _ => format!("{least} to {most} finite numbers"),
             };
             let shown: String = written.chars().take(60).collect();
             let message = format!("{}: `{name}` is \"{shown}\"", called(of.node));
-            let help = format!("{wanted}, finite, separated by blanks");
+            let help =
+                if most == 1 { wanted.clone() } else { format!("{wanted}, separated by blanks") };
             self.notes.fault(attribute.range_value(), message, format!("not {wanted}"), help);
         }
         numbers
