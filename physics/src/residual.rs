@@ -69,7 +69,7 @@ pub(crate) struct Equations {
     diagonal: Vec<Slot>,
     groups: Vec<Group>,
     trials: Vec<TrialMotion>,
-    /// Motions of the bodies of one force at the end of the step.
+    /// Motions of the bodies of one group at the end of the step.
     gathered: Vec<BodyMotion>,
     wrenches: Vec<Wrench>,
     derivatives: Vec<Derivative>,

@@ -358,9 +358,12 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         };
         let node = node.and_then(|node| {
             let library = library.ok_or(CommandResult::NoLibrary)?;
+            // A motion whose name cannot be read may be one for a place.
             let is_here = |entered| {
-                let of_motion = library.name(entered).and_then(PlaceCode::of_motion);
-                of_motion.is_none() || of_motion == place
+                library.name(entered).is_some_and(|name| {
+                    let of_motion = PlaceCode::of_motion(name);
+                    of_motion.is_none() || of_motion == place
+                })
             };
             let may = self.motion.may_enter(&library, node, is_here);
             if may { Ok(node) } else { Err(CommandResult::OtherPlace) }
