@@ -257,6 +257,7 @@ fn golden_bytes_of_a_set() {
 }
 
 #[test]
+#[cfg(feature = "many-channels")]
 fn sets_of_many_channels_are_longer() {
     assert_eq!([1, 24, 25, 64].map(set_len), [320, 320, 800, 800]);
     let mut store = FlashParameters::<_, { set_len(64) }>::mount(NorSimulator::<8, 1024>::blank(3));
