@@ -6,6 +6,7 @@ use rollwalk_firmware::store::{BootCounter, ParameterSet};
 use rollwalk_firmware::{BusState, Buses, Controller, Settings};
 use rollwalk_protocol::actuators::Packet;
 use rollwalk_protocol::config::RobotConfig;
+use rollwalk_protocol::library::ClipId;
 use rollwalk_protocol::tunnel::{Input, Step, StepResult};
 use rollwalk_protocol::wire::State;
 use rollwalk_protocol::wire::authentication::LinkKey;
@@ -69,6 +70,12 @@ pub trait Core {
     fn torque_offset(&self, channel: usize) -> f32 {
         let _ = channel;
         0.0
+    }
+
+    /// True if a clip of the library is a loop, at whose ends a robot is on its feet; false if the controller does not report it.
+    fn is_loop(&self, clip: ClipId) -> bool {
+        let _ = clip;
+        false
     }
 
     /// True if the robot follows set-points of its host; false if the controller does not report it.
@@ -282,6 +289,11 @@ impl Core for LocalController {
 
     fn torque_offset(&self, channel: usize) -> f32 {
         self.controller.torque_offset(channel)
+    }
+
+    fn is_loop(&self, clip: ClipId) -> bool {
+        let info = self.controller.library().and_then(|library| library.clip(clip));
+        info.is_some_and(|info| info.looping)
     }
 
     fn is_streaming(&self) -> bool {

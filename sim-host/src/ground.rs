@@ -63,6 +63,8 @@ pub struct Grounded {
     has_touched: bool,
     /// True if the robot has fallen since the hoist released it.
     has_fallen: bool,
+    /// True during motions that may lie on the body: all but loops.
+    may_lie: bool,
     /// Latest time at which a motor had torque.
     torque_at: SimTime,
     /// Pushes on the body; times count from the start of the simulation.
@@ -121,6 +123,7 @@ impl Grounded {
             contacts: Vec::new(),
             has_touched: false,
             has_fallen: false,
+            may_lie: true,
             torque_at: SimTime::ZERO,
             shoves,
             travel: None,
@@ -191,10 +194,15 @@ impl Grounded {
         std::mem::take(&mut self.travels)
     }
 
-    /// Sets the motion of the robot. At the first motion the hoist releases the robot.
-    pub fn on_moving(&mut self, now: SimTime, motion: Option<Moving>) {
+    /// Sets the motion of the robot. At the first motion the hoist releases the robot. A robot that began on its body may lie
+    /// down again if `may_lie`.
+    pub fn on_moving(&mut self, now: SimTime, motion: Option<Moving>, may_lie: bool) {
         if motion.is_some() && matches!(self.lets_go, ReleaseCondition::WhenItPlays) {
             self.release();
+        }
+        self.may_lie = may_lie;
+        if may_lie {
+            self.fall_watch.allow_beginning();
         }
         if self.travel.map(|travel| travel.motion) != motion {
             self.travels.extend(self.travel.take());
@@ -290,6 +298,9 @@ impl Grounded {
                 self.release();
             }
             return;
+        }
+        if !self.may_lie {
+            self.fall_watch.rise_to(&self.world);
         }
         let fall = self.fall_watch.check(&self.world).filter(|_| !self.has_fallen);
         // A robot that sinks after torque-off has not fallen, unless it topples.

@@ -163,7 +163,11 @@ pub struct FallWatch {
     up: Vector3<f64>,
     /// Ground normal in body axes at the start. Robots may start tilted, and then lean in another direction after a turn.
     start_up_in_body: Vector3<f64>,
-    /// Height of the centre of mass above the ground at the start, m; 0 for a motion that lies on its body.
+    /// Height of the centre of mass of the standing robot above the ground, m; 0 for a motion that lies on its body.
+    upright_m: f64,
+    /// Height at which the robot began, at most `upright_m`, m.
+    begin_m: f64,
+    /// Height that counts as standing at present, from `begin_m` to `upright_m`, m.
     standing_m: f64,
 }
 
@@ -173,17 +177,31 @@ impl FallWatch {
         // A bar above the robot is not the ground below it.
         let ground = floor_of(ground);
         let up = normal_at_start(ground.as_ref());
+        let upright_m = if world.lies { 0.0 } else { ground.at(&world.com().0).gap_m };
         Self {
             up,
             start_up_in_body: world.base().1.transpose() * up,
-            standing_m: if world.lies { 0.0 } else { ground.at(&world.com().0).gap_m },
+            upright_m,
+            begin_m: upright_m,
+            standing_m: upright_m,
             ground,
         }
     }
 
     /// Counts the present height as standing if it is lower, for a robot that begins on its body.
     pub fn begin_at(&mut self, world: &World) {
-        self.standing_m = self.standing_m.min(self.height_m(world));
+        self.begin_m = self.upright_m.min(self.height_m(world));
+        self.standing_m = self.begin_m;
+    }
+
+    /// Counts the present height as standing if it is higher, for a robot that has risen from its body.
+    pub fn rise_to(&mut self, world: &World) {
+        self.standing_m = self.standing_m.max(self.upright_m.min(self.height_m(world)));
+    }
+
+    /// Counts the height at which the robot began as standing again, for a robot that may lie down.
+    pub fn allow_beginning(&mut self) {
+        self.standing_m = self.begin_m;
     }
 
     /// Height of the centre of mass above the ground, m.
@@ -213,4 +231,39 @@ pub fn heading_rad(world_from_body: &Matrix3<f64>) -> f64 {
 /// Equivalent angle between −π and π.
 fn wrapped(angle_rad: f64) -> f64 {
     (angle_rad + PI).rem_euclid(2.0 * PI) - PI
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::world::{Parameters, RobotState};
+    use rollwalk_multibody::ground::Plane;
+    use rollwalk_robot::Robot;
+
+    #[test]
+    fn a_robot_that_has_risen_and_collapses_has_fallen() {
+        let text = include_str!("../../../shipped/robots/agilebot.toml");
+        let robot = Robot::from_toml("agilebot.toml", text).unwrap();
+        let ground: Arc<dyn Ground> = Arc::new(Plane::rising(0.0));
+        let parameters = Parameters::new(&robot);
+        let standing = World::standing(&robot, &ground, &parameters);
+        let height_m = FallWatch::new(&standing, &ground).height_m(&standing);
+        let at = |share: f64| {
+            let up_m = standing.base().0.z + (share - 1.0) * height_m;
+            let state = RobotState::nominal(&robot, Vector3::new(0.0, 0.0, up_m));
+            World::new(&robot, &ground, &parameters, &state)
+        };
+        let mut watch = FallWatch::new(&standing, &ground);
+        assert!(watch.check(&at(0.3)).is_some());
+        watch.begin_at(&at(0.3));
+        assert_eq!(watch.check(&at(0.3)), None);
+        // A jump does not count as standing.
+        watch.rise_to(&at(1.8));
+        assert!(watch.check(&at(0.3)).is_some());
+        assert_eq!(watch.check(&at(0.5)), None);
+        watch.allow_beginning();
+        assert_eq!(watch.check(&at(0.3)), None);
+        watch.begin_at(&at(1.0));
+        assert!(watch.check(&at(0.3)).is_some());
+    }
 }

@@ -394,7 +394,10 @@ impl<C: Core> Rig<C> {
             if is_tick && let Some(ground) = self.body.ground_mut() {
                 let clip = sent.playing.map(|(clip, ..)| Moving::Clip(ClipId(clip)));
                 let is_streaming = self.controller.is_streaming();
-                ground.on_moving(at, clip.or(is_streaming.then_some(Moving::Setpoints)));
+                let loops =
+                    sent.playing.is_some_and(|(clip, ..)| self.controller.is_loop(ClipId(clip)));
+                let motion = clip.or(is_streaming.then_some(Moving::Setpoints));
+                ground.on_moving(at, motion, !loops);
             }
             if is_tick && let Some((clip, frame, phase)) = sent.playing {
                 let playing = PlaybackPosition { clip: ClipId(clip), frame, phase };

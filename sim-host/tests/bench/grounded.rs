@@ -6,10 +6,11 @@ use rollwalk_host::session::Session;
 use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::push::Shove;
 use rollwalk_protocol::faults::Fault;
-use rollwalk_protocol::library::{ClipId, LibrarySpec, MotionSpec, encode};
+use rollwalk_protocol::library::{ClipId, LibrarySpec, MotionSpec, TransitionSpec, encode};
 use rollwalk_protocol::wire::{Action, State};
-use rollwalk_sim_host::ground::{Grounded, Moving};
+use rollwalk_sim_host::ground::{Fall, Grounded, Moving};
 use rollwalk_sim_host::rig::Rig;
+use std::f32::consts::TAU;
 use std::sync::Arc;
 
 /// Robot in the hoist above a plane with the slope `slope_rad`. Its library is flashed.
@@ -161,9 +162,9 @@ fn a_robot_without_torque_sinks_down_and_is_picked_up() {
     assert_eq!(ground(&session).falls(), []);
 }
 
-/// A robot whose SAFE motion lies on the body, in the pose in which `motions/stand_up.toml` begins, has not fallen.
-#[test]
-fn a_robot_that_begins_on_its_body_has_not_fallen() {
+/// Falls of a robot whose SAFE motion lies on the body, in the pose in which `motions/stand_up.toml` begins. A second motion, a
+/// loop if `looping`, rises to the nominal pose and lies down again.
+fn falls_from_lying(looping: bool, rises: bool) -> Vec<Fall> {
     let robot = agilebot();
     let config = robot.controller_config().unwrap();
     let angle = |name: &str| -> f32 {
@@ -175,12 +176,29 @@ fn a_robot_that_begins_on_its_body_has_not_fallen() {
             _ => of(0.46, 0.0),
         }
     };
-    let joints = robot.joints.iter().map(|joint| angle(&joint.name));
     let wheels = config.channels.len() - robot.joints.len();
-    let pose: Vec<f32> = joints.chain(std::iter::repeat_n(0.0, wheels)).collect();
-    let frames = [pose.clone(), pose].concat();
-    let lie = MotionSpec { name: "lie", code: 1, looping: false, frames: &frames, torques: &[] };
-    let spec = LibrarySpec { config: &config, motions: &[lie], transitions: &[], safe: 0 };
+    let pose = |up: f32| -> Vec<f32> {
+        let joints = robot.joints.iter();
+        let angles = joints.map(|joint| {
+            let low = angle(&joint.name);
+            low + up * (joint.nominal_rad as f32 - low)
+        });
+        angles.chain(std::iter::repeat_n(0.0, wheels)).collect()
+    };
+    let still = [pose(0.0), pose(0.0)].concat();
+    let wave = |k: usize| 0.5 - 0.5 * (TAU * k as f32 / 240.0).cos();
+    let rise: Vec<f32> = (0..240).flat_map(|k| pose(wave(k))).collect();
+    let motion =
+        |name, code, looping, frames| MotionSpec { name, code, looping, frames, torques: &[] };
+    let spec = LibrarySpec {
+        config: &config,
+        motions: &[motion("lie", 1, false, &still), motion("rise", 2, looping, &rise)],
+        transitions: &[
+            TransitionSpec::new(0, 1, 1, 0, &still),
+            TransitionSpec::new(1, if looping { 0 } else { 239 }, 0, 0, &still),
+        ],
+        safe: 0,
+    };
     let mut bytes = vec![0; 1 << 16];
     let length = encode(&spec, &mut bytes).unwrap();
     let level: Arc<dyn Ground> = Arc::new(Plane::rising(0.0));
@@ -190,5 +208,22 @@ fn a_robot_that_begins_on_its_body_has_not_fallen() {
     session.run_for(4 * S).unwrap();
     let on_body_n = ground(&session).world().force_on_links().z;
     assert!(!ground(&session).is_held() && on_body_n > 5.0, "it lies: {on_body_n}");
-    assert_eq!(ground(&session).falls(), []);
+    if rises {
+        session.select(2).unwrap();
+        session.run_for(5 * S).unwrap();
+    }
+    ground(&session).falls().to_vec()
+}
+
+#[test]
+fn a_robot_that_begins_on_its_body_has_not_fallen() {
+    assert_eq!(falls_from_lying(false, false), []);
+}
+
+/// Loops are motions on the feet, so that a robot that sinks to the ground in one has fallen. Other motions may lie down.
+#[test]
+fn a_robot_that_has_risen_from_its_body_falls_in_loops_only() {
+    let falls = falls_from_lying(true, true);
+    assert!(falls.len() == 1 && !falls[0].how.is_toppled(), "{falls:?}");
+    assert_eq!(falls_from_lying(false, true), []);
 }
