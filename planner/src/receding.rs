@@ -52,6 +52,7 @@ use crate::torque;
 use footholds::{Footholds, Landing};
 use nalgebra::Isometry3;
 use rollwalk_multibody::euler::Model;
+use rollwalk_multibody::ground::FieldError;
 use rollwalk_multibody::{Frames, Kinematics, RimContact, State, Tree};
 use rollwalk_robot::Robot;
 use schedule::{ContactState, Schedule};
@@ -112,13 +113,15 @@ pub struct HorizonPlan {
     pub plan: Plan,
     /// Pose of the plan's world in the world.
     pub world_from_plan: Isometry3<f64>,
+    /// End effector without a steppable place near its landing. Such a plan is not accepted.
+    pub without_foothold: Option<usize>,
 }
 
 impl HorizonPlan {
-    /// Returns true if all constraints are met within the tolerances of plans. Otherwise, [`SolveSummary::worst_constraint`]
-    /// names the worst one.
+    /// Returns true if all end effectors have footholds, and all constraints are met within the tolerances of plans.
+    /// [`SolveSummary::worst_constraint`] names the worst constraint.
     pub fn is_accepted(&self) -> bool {
-        self.plan.solve.worst_level <= ACCEPTED_LEVEL
+        self.without_foothold.is_none() && self.plan.solve.worst_level <= ACCEPTED_LEVEL
     }
 }
 
@@ -210,18 +213,24 @@ impl Horizon {
         check_gait(&gait, self.model.robot(), self.interval_s)?;
         self.schedule.change(gait, at as i64);
         let ground = self.ground.clone();
-        self.change_ground(ground);
-        Ok(())
+        self.change_ground(ground)
     }
 
-    /// Exchanges the ground for the plans to come. The initial ground is level.
-    pub fn change_ground(&mut self, ground: HorizonGround) {
-        let footing = ground.footing(self.model.robot(), &self.schedule.gait.motion);
+    /// Exchanges the ground for the plans to come. The initial ground is level. A map without known heights has no effect.
+    ///
+    /// # Errors
+    /// Returns an error if a map is not valid.
+    pub fn change_ground(&mut self, ground: HorizonGround) -> Result<(), HorizonError> {
+        let footing = match ground.footing(self.model.robot(), &self.schedule.gait.motion) {
+            Err(FieldError::Unknown) => return Ok(()),
+            footing => footing?,
+        };
         if footing.has_edges() != self.footing.has_edges() || footing.is_level() != self.is_level()
         {
             self.kept.clear();
         }
         (self.ground, self.footing) = (ground, footing);
+        Ok(())
     }
 
     /// Plans from a measured state at sample `at`. Samples count from 0 at the creation of the horizon.
@@ -262,8 +271,8 @@ impl Horizon {
         let steering: Vec<_> = (0..self.samples - 1).map(of_interval).collect();
         let (interval_s, samples) = (self.interval_s, self.samples);
         let path = |velocity| start::path(&steering, velocity, from, interval_s, samples + 1);
-        let (contacts, landings) = match self.is_level() {
-            true => (None, self.landings.clone()),
+        let (contacts, landings, without_foothold) = match self.is_level() {
+            true => (None, self.landings.clone(), None),
             false => {
                 let footholds = Footholds {
                     tree: &self.tree,
@@ -275,8 +284,8 @@ impl Horizon {
                     phase: schedule.phase(at),
                     landings: &self.landings,
                 };
-                let (contacts, landings) = footholds.assign(&state, &footfalls);
-                (Some(contacts), landings)
+                let assigned = footholds.assign(&state, &footfalls);
+                (Some(assigned.contacts), assigned.landings, assigned.without_foothold)
             }
         };
         let motion = Motion {
@@ -304,7 +313,7 @@ impl Horizon {
         let start = start::from_gait(&problem, gait, schedule.phase(at), &path, &beginning);
         let (unknowns, solve) = self.solve(&problem, start, progress);
         let plan = write_plan(&problem, &motion, &unknowns, solve);
-        let found = HorizonPlan { plan, world_from_plan };
+        let found = HorizonPlan { plan, world_from_plan, without_foothold };
         if found.is_accepted() {
             self.landings = landings;
         }

@@ -280,13 +280,13 @@ pub fn steer(
     let mut sensor = None;
     if let Some(SteeredGround { terrain, sensing }) = &options.ground {
         sensor = sensing.map(|sensing| ElevationSensor::new(terrain.clone(), sensing));
-        planner.horizon.change_ground(HorizonGround::Terrain(terrain.clone()));
+        planner.horizon.change_ground(HorizonGround::Terrain(terrain.clone()))?;
     }
     let mut commands = commands.iter().peekable();
     let standing = vec![true; robot.end_effectors.len()];
     let state = world.state(&tree);
     if let Some(sensor) = &mut sensor {
-        planner.horizon.change_ground(sensor.first(&state.base_position_m.xy()));
+        planner.horizon.change_ground(sensor.first(&state.base_position_m.xy()))?;
     }
     let first = planner.plan(MeasuredState { state: &state, touches: &standing }, 0)?;
     let mut tracked = first.ok_or(SteeredError::CannotStand)?;
@@ -308,7 +308,7 @@ pub fn steer(
             if let Some(sensor) = &mut sensor
                 && let Some(map) = sensor.sample(time_s, &state.base_position_m.xy())
             {
-                planner.horizon.change_ground(map);
+                planner.horizon.change_ground(map)?;
             }
             let measured = MeasuredState { state: &state, touches: &touching };
             next = planner.plan_ahead(&mut tracked, measured, [step, then])?;

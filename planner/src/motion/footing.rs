@@ -123,7 +123,7 @@ impl Footing {
     /// Ground of a robot on a sensed elevation map. Flags of `rolls` are set for the end effectors that never leave the ground.
     ///
     /// # Errors
-    /// Returns an error if the grid has fewer than four cells along an axis.
+    /// Returns an error if the grid is not valid, or if no height is known.
     pub fn mapped(
         sensed: &ElevationGrid,
         margins: &ContactMargins,
@@ -237,6 +237,11 @@ impl Footing {
             Some(steppable) => steppable.patch(near),
             None => nearest(&maps.patches[j], near).cloned(),
         }
+    }
+
+    /// Returns true if end effector `j` may stand only on a patch.
+    pub fn needs_patch(&self, j: usize) -> bool {
+        matches!(self, Self::Terrain(maps) if self.has_edges() && maps.rolled[j].is_none())
     }
 
     /// First-order distance of a point from the ground, m, and its gradient.

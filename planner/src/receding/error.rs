@@ -1,5 +1,6 @@
 //! Errors of creating and planning a horizon.
 
+use rollwalk_multibody::ground::FieldError;
 use thiserror::Error;
 
 /// Reason why a horizon cannot be created or planned.
@@ -42,6 +43,9 @@ pub enum HorizonError {
         /// Number of entries for the robot.
         expected: usize,
     },
+    /// The sensed elevation map is not valid.
+    #[error("sensed elevation map: {0}")]
+    Map(#[from] FieldError),
     /// A value is not finite.
     #[error("{what} is not finite; give a finite number")]
     NotFinite {

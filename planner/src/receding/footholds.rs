@@ -6,7 +6,7 @@
 
 use super::gait::Gait;
 use super::schedule::Footfalls;
-use crate::motion::Footing;
+use crate::motion::{Footing, Patch};
 use crate::plan::Placement;
 use crate::problem::ContactGround;
 use crate::problem::variables::Layout;
@@ -37,21 +37,27 @@ pub(super) struct Footholds<'a> {
     pub landings: &'a [Option<Landing>],
 }
 
+/// Assigned footholds.
+pub(super) struct Assignment {
+    /// Ground of all contacts, `[sample][end effector]`.
+    pub contacts: Vec<Vec<ContactGround>>,
+    /// Landings to come.
+    pub landings: Vec<Option<Landing>>,
+    /// End effector that lands where no place nearby is steppable.
+    pub without_foothold: Option<usize>,
+}
+
 /// Distance from a border at which a wheel may stand at the beginning, although it is too near to an edge, m.
 const RELAXED_M: f64 = 0.005;
 
 impl Footholds<'_> {
-    /// Ground of all contacts, `[sample][end effector]`, and the landings to come.
-    pub fn assign(
-        &self,
-        state: &State,
-        footfalls: &Footfalls,
-    ) -> (Vec<Vec<ContactGround>>, Vec<Option<Landing>>) {
+    /// Assigns the ground of all contacts.
+    pub fn assign(&self, state: &State, footfalls: &Footfalls) -> Assignment {
         let Footfalls { stance, height_m } = footfalls;
         let count = self.landings.len();
         let mut contacts = vec![Vec::with_capacity(count); stance.len()];
         let frames = Frames::new(self.tree, &state.configuration());
-        let mut landings = vec![None; count];
+        let (mut landings, mut without_foothold) = (vec![None; count], None);
         for (j, landing) in landings.iter_mut().enumerate() {
             let column: Vec<bool> = stance.iter().map(|row| row[j]).collect();
             let mut from = 0;
@@ -68,7 +74,11 @@ impl Footholds<'_> {
                         if landing.is_none() {
                             *landing = Some(Landing { at: self.at + from as i64, near });
                         }
-                        self.next(j, near)
+                        let patch = self.ground.patch(j, &near);
+                        if patch.is_none() && self.ground.needs_patch(j) {
+                            without_foothold = without_foothold.or(Some(j));
+                        }
+                        self.next(j, near, patch)
                     }
                 };
                 contacts[from..until].iter_mut().for_each(|row| row.push(ground.clone()));
@@ -86,7 +96,7 @@ impl Footholds<'_> {
                 }
             }
         }
-        (contacts, landings)
+        Assignment { contacts, landings, without_foothold }
     }
 
     /// True for an end effector that moves along the ground in stance.
@@ -115,8 +125,7 @@ impl Footholds<'_> {
     }
 
     /// Ground of a stance that is planned near a place.
-    fn next(&self, j: usize, near: Vector2<f64>) -> ContactGround {
-        let patch = self.ground.patch(j, &near);
+    fn next(&self, j: usize, near: Vector2<f64>, patch: Option<Patch>) -> ContactGround {
         let place = patch.as_ref().map_or(near, |patch| patch.nearest(&near)).push(0.0);
         let below = match &patch {
             Some(patch) => patch.plane.clone(),

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Vector2, Vector3};
 use rollwalk_multibody::euler::{JOINTS, Model};
 use rollwalk_multibody::ground::file::from_toml;
-use rollwalk_multibody::ground::{ElevationGrid, Terrain};
+use rollwalk_multibody::ground::{ElevationGrid, FieldError, Terrain};
 use rollwalk_multibody::{Frames, RimContact, State};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
@@ -225,7 +225,7 @@ impl Walker {
     fn on(robot: &Robot, gait: Gait, duration_s: f64, terrain: &Terrain) -> Self {
         let mut walker = Self::new(robot, gait, duration_s);
         walker.state.base_position_m.z = Model::new(robot).nominal_q()[2];
-        walker.horizon.change_ground(HorizonGround::Terrain(terrain.clone()));
+        walker.horizon.change_ground(HorizonGround::Terrain(terrain.clone())).unwrap();
         walker
     }
 
@@ -315,7 +315,56 @@ fn footholds_stay_while_maps_are_exchanged() {
         let grid = ElevationGrid::around(center_m, 0.8, 0.02, |at| {
             terrain.height_m(&at) + 0.006 * (random.f64() - 0.5)
         });
-        horizon.change_ground(HorizonGround::Map(Arc::new(grid)));
+        horizon.change_ground(HorizonGround::Map(Arc::new(grid))).unwrap();
     });
     assert!(rejected < 0.05, "{rejected}");
+}
+
+/// Map 0.8 m around the origin.
+fn map(height_m: impl FnMut(Vector2<f64>) -> f64) -> ElevationGrid {
+    ElevationGrid::around(Vector2::zeros(), 0.8, 0.02, height_m)
+}
+
+#[test]
+fn maps_that_are_invalid_are_refused_and_unknown_ones_keep_the_ground() {
+    let robot = robot("agilebot");
+    let mut walker = Walker::new(&robot, Gait::standing(&robot, 0.1).unwrap(), 1.0);
+    let change = |walker: &mut Walker, grid: ElevationGrid| {
+        walker.horizon.change_ground(HorizonGround::Map(Arc::new(grid)))
+    };
+    // A lidar without return. Its cells are as high as their neighbours.
+    let holes = map(|at| if at.x > 0.3 && at.y.abs() < 0.1 { f64::INFINITY } else { 1.0 });
+    change(&mut walker, holes).unwrap();
+    walker.state.base_position_m.z = 1.0 + Model::new(&robot).nominal_q()[2];
+    let standing = |walker: &mut Walker| {
+        let found = walker.plan(forward(0.0));
+        assert!(found.is_accepted(), "{:?}", found.plan.solve);
+        found.plan.samples[0].base_position_m[2]
+    };
+    let before_m = standing(&mut walker);
+    assert!(before_m > 1.0, "{before_m}");
+    change(&mut walker, map(|_| f64::NAN)).unwrap();
+    assert_eq!(standing(&mut walker), before_m);
+    let mut short = map(|_| 0.0);
+    short.heights_m.pop();
+    let (found, wanted) = (short.heights_m.len(), short.heights_m.len() + 1);
+    let error = change(&mut walker, short).unwrap_err();
+    assert_eq!(error, HorizonError::Map(FieldError::Length { found, wanted }));
+    assert_eq!(standing(&mut walker), before_m);
+}
+
+#[test]
+fn plans_without_steppable_cells_near_a_landing_are_rejected() {
+    let robot = robot("agilebot");
+    let walk = Gait::of(&planned(&robot, "walk")).unwrap();
+    // Pits in all directions leave only flat strips that are narrower than feet need.
+    let ripples = |at: Vector2<f64>| 0.03 * ((30.0 * at.x).sin() + (30.0 * at.y).sin());
+    for (grid, is_steppable) in [(map(|_| 0.0), true), (map(ripples), false)] {
+        let mut walker = Walker::new(&robot, walk.clone(), 1.6);
+        walker.state.base_position_m.z = Model::new(&robot).nominal_q()[2];
+        walker.horizon.change_ground(HorizonGround::Map(Arc::new(grid))).unwrap();
+        let found = walker.plan(forward(0.0));
+        assert_eq!(found.without_foothold.is_none(), is_steppable, "{:?}", found.plan.solve);
+        assert_eq!(found.is_accepted(), is_steppable);
+    }
 }

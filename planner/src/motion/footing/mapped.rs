@@ -132,7 +132,7 @@ impl Mapped {
     /// Filters a sensed elevation map for a robot. Flags of `rolls` are set for the end effectors that never leave the ground.
     ///
     /// # Errors
-    /// Returns an error if the grid has fewer than four cells along an axis.
+    /// Returns an error if the grid is not valid, or if no height is known.
     pub fn new(
         sensed: &ElevationGrid,
         margins: &ContactMargins,
@@ -140,7 +140,7 @@ impl Mapped {
         rolls: &[bool],
     ) -> Result<Self, FieldError> {
         let spacing_m = sensed.spacing_m;
-        let denoised = sensed.filled().median(1.5 * spacing_m);
+        let denoised = sensed.filled()?.median(1.5 * spacing_m);
         let smooth = denoised.blurred(spacing_m);
         let field = Arc::new(smooth.field()?);
         let spline = |grid: &ElevationGrid, deviation_m: f64| {

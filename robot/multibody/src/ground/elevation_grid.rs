@@ -4,10 +4,11 @@
 //! the planner use filtered grids: denoised for footholds, dilated for swings, closed by a ball for wheels.
 
 use super::gaussian::{CUT_OFF, blurred};
+use super::spline::LEAST;
 use super::{FieldError, HeightField};
 use nalgebra::Vector2;
 
-/// Heights on a grid, m. Unknown heights are NaN.
+/// Heights on a grid, m. Unknown heights are NaN or infinite.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ElevationGrid {
     /// Position of the first cell, m.
@@ -102,12 +103,34 @@ impl ElevationGrid {
         self.with(self.cells().map(at).collect())
     }
 
+    /// Returns an error unless the grid has four cells or more along each axis and one height for each cell.
+    fn check(&self) -> Result<(), FieldError> {
+        let Self { origin_m, spacing_m, counts, heights_m } = self;
+        let (origin_m, spacing_m, found) = (*origin_m, *spacing_m, heights_m.len());
+        if !origin_m.iter().all(|at| at.is_finite()) {
+            return Err(FieldError::Origin { origin_m });
+        }
+        if !(spacing_m > 0.0 && spacing_m.is_finite()) {
+            return Err(FieldError::Spacing { spacing_m });
+        }
+        if let Some((axis, &count)) = counts.iter().enumerate().find(|(_, count)| **count < LEAST) {
+            return Err(FieldError::Few { axis, count });
+        }
+        let wanted = counts[0].saturating_mul(counts[1]);
+        if found == wanted { Ok(()) } else { Err(FieldError::Length { found, wanted }) }
+    }
+
     /// Grid whose unknown heights are the lowest known neighbours, cell by cell from the rims of each hole: behind an edge, the
-    /// sensor does not see the lower side. Without any known height, all heights are 0.
-    pub fn filled(&self) -> Self {
-        let mut heights_m = self.heights_m.clone();
+    /// sensor does not see the lower side.
+    ///
+    /// # Errors
+    /// Returns an error if the grid is not valid, or if no height is known.
+    pub fn filled(&self) -> Result<Self, FieldError> {
+        self.check()?;
+        let known = |height: &f64| if height.is_finite() { *height } else { f64::NAN };
+        let mut heights_m: Vec<f64> = self.heights_m.iter().map(known).collect();
         if heights_m.iter().all(|height| height.is_nan()) {
-            return self.with(vec![0.0; heights_m.len()]);
+            return Err(FieldError::Unknown);
         }
         let beside = [[-1, 0], [1, 0], [0, -1], [0, 1]];
         while heights_m.iter().any(|height| height.is_nan()) {
@@ -120,7 +143,7 @@ impl ElevationGrid {
                 }
             }
         }
-        self.with(heights_m)
+        Ok(self.with(heights_m))
     }
 
     /// Median over a disc. It removes noise and keeps walls.
@@ -217,7 +240,7 @@ mod tests {
                 *height = f64::NAN;
             }
         }
-        let filled = grid.filled();
+        let filled = grid.filled().unwrap();
         assert!(filled.heights_m.iter().all(|height| height.is_finite()));
         let smooth = filled.median(0.03);
         for cell in smooth.cells() {
@@ -226,8 +249,35 @@ mod tests {
             let off = (smooth.height_m(cell) - expected).abs();
             assert!(wall_m < 0.03 || off < 0.0025, "{:?}: {off}", smooth.place_m(cell));
         }
-        let unknown = grid.with(vec![f64::NAN; grid.heights_m.len()]).filled();
-        assert!(unknown.heights_m.iter().all(|height| *height == 0.0));
+    }
+
+    #[test]
+    fn infinite_heights_are_unknown() {
+        let mut grid = kerb();
+        for (k, height) in grid.heights_m.iter_mut().enumerate().filter(|(k, _)| k % 7 == 0) {
+            *height = [f64::INFINITY, f64::NEG_INFINITY, f64::NAN][k % 3];
+        }
+        let filled = grid.filled().unwrap();
+        assert!(filled.heights_m.iter().all(|height| [0.0, 0.04].contains(height)));
+    }
+
+    #[test]
+    fn invalid_and_unknown_grids_are_refused() {
+        let grid = kerb();
+        let count = grid.heights_m.len();
+        let unknown = grid.with(vec![f64::INFINITY; count]).filled();
+        assert_eq!(unknown, Err(FieldError::Unknown));
+        let short = grid.with(vec![0.0; count - 1]).filled();
+        assert_eq!(short, Err(FieldError::Length { found: count - 1, wanted: count }));
+        let overflowing = ElevationGrid { counts: [usize::MAX; 2], ..grid.clone() }.filled();
+        assert!(matches!(overflowing, Err(FieldError::Length { .. })), "{overflowing:?}");
+        let narrow = ElevationGrid { counts: [3, count], ..grid.clone() }.filled();
+        assert_eq!(narrow, Err(FieldError::Few { axis: 0, count: 3 }));
+        let dense = ElevationGrid { spacing_m: 0.0, ..grid.clone() }.filled();
+        assert_eq!(dense, Err(FieldError::Spacing { spacing_m: 0.0 }));
+        let origin_m = [0.0, f64::INFINITY];
+        let nowhere = ElevationGrid { origin_m, ..grid }.filled();
+        assert_eq!(nowhere, Err(FieldError::Origin { origin_m }));
     }
 
     #[test]

@@ -39,6 +39,15 @@ pub enum FieldError {
         /// Value of the sample.
         value: f64,
     },
+    /// Origin that is not finite.
+    #[error("origin_m is {origin_m:?}; expected finite numbers in m")]
+    Origin {
+        /// Position of the first sample, m.
+        origin_m: [f64; 2],
+    },
+    /// Elevation map without a known height.
+    #[error("no height is known; expected a finite number in m for one cell or more")]
+    Unknown,
     /// Solid that extends to the boundary of the grid.
     #[error(
         "sample {index} near the boundary of the grid is {value} m; enlarge the grid until its two \
