@@ -7,7 +7,8 @@
 //! probe has not converged. The request with the smallest relative change is named first.
 
 use super::mobility::Mobility;
-use super::{narrow, slow, weak};
+use super::narrow::{self, Violated};
+use super::{slow, weak};
 use crate::families::{Family, FamilySet, Kind};
 use crate::formulation::rows::{ComparedField, Role, Row, Rows, Subject};
 use crate::motion::{self, Reserve};
@@ -51,6 +52,8 @@ const STRONGER: Range<f64> = 1.0..4.0;
 struct Group {
     family: Family,
     subject: Option<String>,
+    /// Index of the obstacle that the rows keep away from, in [`Problem::obstacles`].
+    obstacle: Option<usize>,
     /// Pull y of every row, with its timeline index and its residual in the family's unit.
     pulls: Vec<(f64, usize, f64)>,
     /// Field that the rows compare with, and its value.
@@ -72,10 +75,14 @@ impl Group {
         self.pulls.iter().map(|(y, ..)| y * y).sum()
     }
 
+    /// Largest residual, in the family's unit.
+    fn worst(&self) -> f64 {
+        self.pulls.iter().map(|&(.., residual)| residual).fold(0.0, f64::max)
+    }
+
     /// Returns true if the worst residual exceeds [`LEAST_EXCESS`] times the limit of the rows, or if the rows have no limit.
     fn is_exceeded(&self) -> bool {
-        let worst = self.pulls.iter().map(|&(.., residual)| residual).fold(0.0, f64::max);
-        self.given.is_none_or(|(_, limit)| worst > LEAST_EXCESS * limit)
+        self.given.is_none_or(|(_, limit)| self.worst() > LEAST_EXCESS * limit)
     }
 
     fn is_swing(&self) -> bool {
@@ -112,8 +119,8 @@ impl Group {
     }
 }
 
-/// Key for grouping rows: family, part of the robot, field and bits of the value.
-type Key = (Family, Subject, Option<(&'static str, u64)>);
+/// Key for grouping rows: family, part of the robot, obstacle, field and bits of the value.
+type Key = (Family, Subject, Option<usize>, Option<(&'static str, u64)>);
 
 /// Half of the derivative of a row's energy by its value, in units of its scale.
 fn pull(row: &Row, value: f64) -> f64 {
@@ -146,8 +153,12 @@ fn swing_height(problem: &Problem, row: &Row) -> Option<ComparedField> {
 fn group(problem: &Problem, rows: &Rows) -> Vec<Group> {
     let robot = problem.model.robot();
     let mut groups: BTreeMap<Key, Group> = BTreeMap::new();
+    // Rows of each part and sample are in the order of the obstacles.
+    let mut next_obstacle = (0..problem.obstacles.len()).cycle();
     for (index, (row, value)) in rows.iter().enumerate() {
         let family = row.family;
+        let is_clearance = family == Family::ObstacleClearance;
+        let obstacle = if is_clearance { next_obstacle.next() } else { None };
         let y = pull(row, value);
         if y == 0.0 {
             continue;
@@ -155,13 +166,15 @@ fn group(problem: &Problem, rows: &Rows) -> Vec<Group> {
         let swing = || swing_height(problem, row).filter(|_| family == Family::ContactHeight);
         let given = rows.given(index).or_else(swing);
         let number = given.map(|given| (given.field, given.value.to_bits()));
-        let group = groups.entry((family, row.subject, number)).or_insert_with(|| Group {
-            family,
-            subject: row.subject.name(robot),
-            pulls: Vec::new(),
-            given: given.map(|given| (given.field, given.value)),
-            slope: 0.0,
-        });
+        let group =
+            groups.entry((family, row.subject, obstacle, number)).or_insert_with(|| Group {
+                family,
+                subject: row.subject.name(robot),
+                obstacle,
+                pulls: Vec::new(),
+                given: given.map(|given| (given.field, given.value)),
+                slope: 0.0,
+            });
         group.pulls.push((y, row.at, y.abs() * row.scale));
         let per =
             |given: ComparedField| if family.kind() == Kind::Request { 1.0 } else { given.value };
@@ -207,9 +220,21 @@ pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diag
         return None;
     }
     let footfalls: f64 = FOOTFALLS.iter().filter_map(|family| of_families.get(family)).sum();
+    let of_obstacles = of_families.get(&Family::ObstacleClearance);
+    let narrow =
+        of_obstacles.filter(|square| **square >= LEAST_SHARE * largest).and_then(|square| {
+            let of = groups.iter().filter(|group| group.family == Family::ObstacleClearance);
+            let worst_m = of.map(Group::worst).fold(0.0, f64::max);
+            narrow::across_path(problem, Violated { worst_m, share: square / violation })
+        });
+    let is_narrow = |group: &Group| {
+        group.obstacle.zip(narrow.as_ref()).is_some_and(|(obstacle, narrow)| {
+            narrow.obstacles.contains(&problem.obstacles[obstacle].name)
+        })
+    };
     // Each with its rank: by the estimated change, otherwise after those by its share.
     let [mut requests, mut limits, mut builds, mut goals] = [const { Vec::new() }; 4];
-    for group in &groups {
+    for group in groups.iter().filter(|group| !is_narrow(group)) {
         let estimate = group.estimate(violation);
         let family_share = of_families[&group.family] / violation;
         let pulls = family_share * violation >= LEAST_SHARE * largest
@@ -286,18 +311,12 @@ pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diag
     let slow = slow::too_slow_to_step(problem);
     let is_slow =
         |culprit: &Culprit| slow.as_ref().is_some_and(|slow| culprit.constraint == slow.constraint);
-    let of_obstacles = of_families.get(&Family::ObstacleClearance);
-    let violated = of_obstacles.is_some_and(|square| *square >= LEAST_SHARE * largest);
-    let narrow = narrow::across_path(problem, violated);
-    let is_narrow = |culprit: &Culprit| {
-        narrow.as_ref().is_some_and(|narrow| culprit.constraint == narrow.constraint)
-    };
     // The changed request may need less speed.
     let (requests, others): (Vec<_>, Vec<_>) = culprits
         .into_iter()
-        .filter(|culprit| !is_slow(culprit) && !is_narrow(culprit))
+        .filter(|culprit| !is_slow(culprit))
         .partition(|culprit| culprit.part == Kind::Request);
-    let first = weak.into_iter().chain(narrow.clone());
+    let first = weak.into_iter().chain(narrow.map(|narrow| narrow.culprit));
     let culprits = first.chain(requests).chain(slow.clone()).chain(others).collect();
     Some(Diagnosis { verdict, culprits })
 }
@@ -328,7 +347,7 @@ fn culprit(
         part: group.family.kind(),
         subject: group.subject.clone(),
         time_s: if group.family.is_goal() { whole } else { range },
-        worst: group.pulls.iter().map(|&(.., residual)| residual).fold(0.0, f64::max),
+        worst: group.worst(),
         unit: group.family.unit().symbol().to_owned(),
         share: group.square() / violation,
         field: group.given.map(|(field, _)| field.to_owned()),

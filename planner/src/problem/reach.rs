@@ -7,6 +7,7 @@ use super::Problem;
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::obstacle::Obstacle;
 use rollwalk_multibody::parts::parts;
+use rollwalk_robot::{EndEffector, Joint};
 use std::f64::consts::PI;
 
 /// Factor on the bound, for the tolerances of the constraints.
@@ -53,8 +54,11 @@ impl Problem {
         if !end.contact.rolls() {
             return Some(0.0);
         }
-        // Half a turn as the link turns.
-        let with_link_m = PI * end.radius_m;
+        // The body tilts by half a turn at most, and each joint turns over its whole range.
+        let joints = self.model.tree().joints_to_link(end.link).iter();
+        let joints = joints.map(|&joint| &self.model.robot().joints[joint]);
+        let range_rad = |of: &Joint| of.position_max_rad - of.position_min_rad;
+        let with_link_m = (PI + joints.map(range_rad).sum::<f64>()) * end.radius_m;
         if self.held[j] {
             return Some(with_link_m);
         }
@@ -77,7 +81,14 @@ impl Problem {
             let far_m = corners.map(|(at, radius_m)| (at - origin(part.link)).norm() + radius_m);
             to_link_m(part.link) + far_m.fold(0.0, f64::max)
         });
-        sizes.fold(0.0, f64::max)
+        // A blade touches the ground on its circle of curvature, outside the parts.
+        let blades =
+            robot.end_effectors.iter().filter(|end| end.contact.blade_length_m().is_some());
+        let far_m = |end: &EndEffector| {
+            let center = frames.point(end.link, &end.center_in_link_m);
+            to_link_m(end.link) + (center - origin(end.link)).norm() + end.radius_m
+        };
+        sizes.chain(blades.map(far_m)).fold(0.0, f64::max)
     }
 }
 
@@ -89,6 +100,15 @@ mod tests {
     use crate::test_robots;
     use rollwalk_multibody::euler::Model;
     use rollwalk_multibody::ground::file::from_toml;
+    use rollwalk_robot::{Contact, RollingDrag};
+
+    /// Distance that AgileBot's wheels roll in [`near`] at their full speed, m.
+    fn fastest_m() -> f64 {
+        let robot = &test_robots::all()[0];
+        let end = &robot.end_effectors[0];
+        let speed_m_s = end.radius_m * end.contact.actuator().unwrap().speed_max_rad_s;
+        speed_m_s * test_robots::motion(robot, Ends::AtRest).duration_s
+    }
 
     /// Names of the obstacles with rows, for a motion of AgileBot among posts at three distances.
     fn near(lift_all: bool) -> Vec<String> {
@@ -101,7 +121,7 @@ mod tests {
         for (t, flags) in motion.stance.iter_mut().enumerate() {
             flags.fill(!lift_all || t != samples / 2);
         }
-        let toml: String = [1.0, 100.0].map(post).concat();
+        let toml: String = [1.0, fastest_m(), 100.0].map(post).concat();
         motion.set_terrain(
             from_toml("test.toml", &toml).unwrap(),
             ContactMargins::of(robot),
@@ -113,9 +133,10 @@ mod tests {
 
     #[test]
     fn obstacles_far_away_have_no_rows() {
-        assert_eq!(near(false), ["1"]);
+        let fastest = fastest_m().to_string();
+        assert_eq!(near(false), ["1", &fastest]);
         // In flight, nothing bounds the distance.
-        assert_eq!(near(true), ["1", "100"]);
+        assert_eq!(near(true), ["1", &fastest, "100"]);
     }
 
     #[test]
@@ -137,5 +158,35 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_held_wheel_rolls_with_all_joints_of_its_limb() {
+        let mut robot = test_robots::all()[0].clone();
+        for joint in &mut robot.joints {
+            (joint.position_min_rad, joint.position_max_rad) = (-2.0 * PI, 2.0 * PI);
+        }
+        let mut motion = test_robots::motion(&robot, Ends::AtRest);
+        motion.held_wheels.fill(true);
+        let problem = Problem::new(Model::new(&robot), &motion, Weights::default());
+        let end = &robot.end_effectors[0];
+        let count = problem.model.tree().joints_to_link(end.link).len() as f64;
+        let rolls_m = problem.rolls_m(0, 1).unwrap();
+        assert!(rolls_m >= count * 4.0 * PI * end.radius_m, "{rolls_m}");
+    }
+
+    #[test]
+    fn blades_are_inside_the_bound() {
+        let mut robot = test_robots::all()[0].clone();
+        let end = &mut robot.end_effectors[0];
+        end.radius_m = 3.0;
+        end.contact = Contact::Skate {
+            axis_in_link: *end.contact.axis_in_link().unwrap(),
+            blade_length_m: 0.3,
+            drag: RollingDrag { rolling_resistance: 0.0, rolling_drag_s_m: 0.0 },
+        };
+        let motion = test_robots::motion(&robot, Ends::AtRest);
+        let problem = Problem::new(Model::new(&robot), &motion, Weights::default());
+        assert!(problem.size_m() > 3.0, "{}", problem.size_m());
     }
 }
