@@ -109,7 +109,7 @@ impl LibraryFile {
             if safe.ends != Ends::AtRest || !stands || travels {
                 let problem = format!("is \"{}\", a motion that does not stand still", safe.name);
                 let help = "name a motion with ends = \"at_rest\", all feet in stance and no goal \
-                    other than 0";
+                    other than 0; a robot whose safe pose is on its body has lying = \"throughout\"";
                 root.fault("safe", problem, "not a safe pose", help);
             }
         }

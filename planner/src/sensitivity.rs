@@ -385,7 +385,7 @@ impl Optimal {
 /// Builds the problem of a neighbouring design, with the scaling of `problem`.
 fn neighbour(problem: &Problem, design: &Design<'_>) -> Result<Problem, NotOptimal> {
     let Design { robot, motion } = *design;
-    if !same_structure(problem.model.robot(), robot) {
+    if !same_structure(problem.model.robot(), &motion.robot(robot)) {
         return Err(NotOptimal::OtherProblem(ReplanError::OtherStructure {
             motion: motion.name.clone(),
             planned: problem.model.robot().name.clone(),

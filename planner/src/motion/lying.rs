@@ -94,11 +94,12 @@ impl Motion {
 
     /// Transition between two motions of which at least one lies, with the points of the body.
     pub(crate) fn lying_between(&self, from: &Motion, to: &Motion, robot: &Robot) -> Self {
-        let lies = |stance: Option<&Vec<bool>>| {
+        let is_down = |stance: Option<&Vec<bool>>| {
             stance.is_some_and(|flags| flags.iter().skip(self.stance[0].len()).any(|&down| down))
         };
-        let (start, end) = (lies(from.exit_stance()), lies(to.entry_stance()));
-        let posture_rad = from.lying_rad.as_ref().or(to.lying_rad.as_ref());
+        let (start, end) = (is_down(from.exit_stance()), is_down(to.entry_stance()));
+        let [lies, other] = if start { [from, to] } else { [to, from] };
+        let posture_rad = lies.lying_rad.as_ref().or(other.lying_rad.as_ref());
         let mut motion = self.clone();
         let ends = LyingEnds { start, end, throughout: start && end };
         motion.lie(robot, ends, posture_rad.cloned().unwrap_or_default());
@@ -114,8 +115,8 @@ pub(super) fn ends(
 ) -> Option<Option<LyingEnds>> {
     if !root.has(KEY) {
         if root.has(POSTURE) {
-            let help =
-                "give `lying = \"start\"`, \"end\" or \"both\", or leave out `[lying_posture]`";
+            let help = "give `lying = \"start\"`, \"end\", \"both\" or \"throughout\", or leave out \
+                 `[lying_posture]`";
             root.fault(POSTURE, "is for motions that lie", "no `lying`", help);
             return None;
         }
@@ -144,12 +145,14 @@ pub(super) fn ends(
     Some(Some(LyingEnds { start: chosen != 1, end: chosen != 0, throughout: chosen == 3 }))
 }
 
-/// Joint angles of the robot on its body with its feet on the ground, rad. A pose that does not fit is refused, unless the file
-/// gives another one.
+/// Joint angles of the robot on its body with its feet on the ground, rad. A limb that does not fit is refused, unless the
+/// file gives angles of its joints.
 pub(super) fn posture(root: &Table<'_>, robot: &Robot) -> Option<Vec<f64>> {
     let lying = robot.with_body_points()?;
-    let LyingPose { joint_rad, misfit } = LyingPose::find(&Model::new(&lying));
-    let misfit = misfit.filter(|_| !root.has(POSTURE));
+    let table = if root.has(POSTURE) { root.table(POSTURE) } else { None };
+    let entries = table.as_ref().map(Table::named_numbers).unwrap_or_default();
+    let is_given = |j: usize| entries.iter().any(|entry| entry.name == robot.joints[j].name);
+    let LyingPose { joint_rad, misfit } = LyingPose::find(&Model::new(&lying), is_given);
     let Some(Misfit { part, off_m }) = misfit else { return Some(joint_rad) };
     let problem = format!(
         "is impossible within the limits of the joints: in the best pose with the body on the ground, \
@@ -160,4 +163,60 @@ pub(super) fn posture(root: &Table<'_>, robot: &Robot) -> Option<Vec<f64>> {
                 pose in `[lying_posture]`, or start from a crouch with a [[height]] at 0 s instead";
     root.fault(KEY, problem, "the robot cannot lie", help);
     None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::library_file::LibraryFile;
+
+    fn robot(name: &str) -> Robot {
+        let path = format!("{}/../shipped/robots/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+        Robot::from_toml(name, &std::fs::read_to_string(path).unwrap()).unwrap()
+    }
+
+    fn read(robot: &Robot, keys: &str) -> Result<Motion, String> {
+        let text = format!(
+            "name = \"m\"\nrobot = \"r.toml\"\nduration_s = 3.0\nends = \"at_rest\"\n{keys}\n\
+             [footfalls]\nall = \"stance\""
+        );
+        Motion::from_toml("m.toml", &text, robot).map_err(|why| format!("{why:?}"))
+    }
+
+    #[test]
+    fn a_transition_lies_in_the_posture_of_the_motion_that_lies_there() {
+        let robot = robot("anymal_wheels");
+        let [stand, rise, lie] =
+            ["", "lying = \"start\"", "lying = \"throughout\"\n[lying_posture]\nLF_HAA = 0.3"]
+                .map(|keys| read(&robot, keys).unwrap());
+        let posture = |from: &Motion, to: &Motion| stand.lying_between(from, to, &robot).lying_rad;
+        assert_ne!(rise.lying_rad, lie.lying_rad);
+        // After rising, the robot stands.
+        assert_eq!(posture(&rise, &lie), lie.lying_rad);
+        assert_eq!(posture(&lie, &rise), lie.lying_rad);
+        assert_eq!(posture(&stand, &rise), rise.lying_rad);
+        assert_eq!(posture(&rise, &stand), rise.lying_rad);
+    }
+
+    #[test]
+    fn a_given_posture_of_one_limb_does_not_excuse_the_others() {
+        let keys = "lying = \"start\"\n[lying_posture]\nfront_left_hip = 0.1";
+        let why = read(&robot("pup"), keys).unwrap_err();
+        assert!(why.contains("is impossible within the limits of the joints"), "{why}");
+    }
+
+    #[test]
+    fn help_names_all_ends_at_which_a_robot_can_lie() {
+        let robot = robot("anymal_wheels");
+        let why = read(&robot, "[lying_posture]\nLF_HFE = 1.0").unwrap_err();
+        assert!(why.contains("throughout"), "{why}");
+        let text = "name = \"l\"\nrobot = \"r.toml\"\nsafe = \"m\"\n[[motion]]\nname = \"m\"\n\
+                    file = \"m.toml\"\ncode = 1\n";
+        let library = LibraryFile::from_toml("l.toml", text, &robot).unwrap();
+        let checked =
+            |keys: &str| library.check_motions("l.toml", text, &[read(&robot, keys).unwrap()]);
+        let why = format!("{:?}", checked("lying = \"both\"").unwrap_err());
+        assert!(why.contains("throughout"), "{why}");
+        assert!(checked("lying = \"throughout\"").is_ok());
+    }
 }

@@ -7,7 +7,6 @@ use crate::motion::{Ends, Motion};
 use crate::plan::Plan;
 use crate::problem::{Problem, Weights};
 use crate::start;
-use rollwalk_multibody::euler::Model;
 use rollwalk_robot::GRAVITY_M_S2;
 use std::collections::HashMap;
 
@@ -87,7 +86,7 @@ impl Objective {
         if !self.is_defined(motion) || motion.ends == Ends::Prescribed {
             return f64::NAN;
         }
-        let problem = Problem::new(Model::new(&plan.robot), motion, weights.clone());
+        let problem = Problem::new(motion.model(&plan.robot), motion, weights.clone());
         let mut unknowns = start::neighbour(&problem, plan);
         problem.add_up(&mut unknowns);
         let system = System::selected(&problem, Default::default());

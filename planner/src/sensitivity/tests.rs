@@ -303,3 +303,12 @@ fn the_price_of_the_duration_is_its_gradient_and_that_of_plans_in_other_times() 
         assert!((per_s / difference - 1.0).abs() < 1e-2, "{name}: {per_s} {difference}");
     }
 }
+
+/// A motion that lies adds points of the body to its robot; a design gives the robot without them.
+#[test]
+fn a_motion_that_lies_has_neighbours() {
+    let (robot, motion) = read("anymal_stand_up.toml");
+    let problem = Problem::new(motion.model(&robot), &motion, Options::default().weights);
+    let other = neighbour(&problem, &Design { robot: &radius(&robot, 0.01), motion: &motion });
+    assert_eq!(other.unwrap().model.robot(), &*motion.robot(&radius(&robot, 0.01)));
+}

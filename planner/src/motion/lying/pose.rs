@@ -25,6 +25,8 @@ const NOMINAL: f64 = 0.3;
 const TURN_RAD: f64 = 2.8;
 /// Number of points of a limb's grid.
 const GRID: usize = 3000;
+/// Largest number of points of the grid of a limb with many joints, of which each has two angles.
+const GRID_MAX: usize = 10 * GRID;
 /// Largest number of angles of a joint in the grid.
 const ANGLES: usize = 24;
 /// Number of points of the grid that are improved.
@@ -55,9 +57,12 @@ pub(super) struct Misfit {
 }
 
 /// Joints that hang on one joint of the body, with what they carry.
+#[derive(Clone)]
 struct Limb<'m> {
     model: &'m Model,
     joints: Vec<usize>,
+    /// Joints with a servo. Springs hold the others at rest.
+    driven: Vec<usize>,
     feet: Vec<usize>,
     pairs: Vec<&'m Pair>,
     /// Places of the feet of the standing robot, m, and axes of their wheels.
@@ -66,19 +71,26 @@ struct Limb<'m> {
 }
 
 impl LyingPose {
-    /// Finds the pose of a robot with points on which its body lies.
-    pub fn find(model: &Model) -> Self {
+    /// Finds the pose of a robot with points on which its body lies. Limbs with joints for which `is_given` is true have no
+    /// misfits, because their pose comes from elsewhere.
+    pub fn find(model: &Model, is_given: impl Fn(usize) -> bool) -> Self {
         let robot = model.robot();
         let mut q = model.nominal_q().clone();
         let height_m = q[BASE_POSITION + 2];
         let nominal = model.frames(&q);
         q[BASE_POSITION + 2] = height_m_of(robot);
+        for (j, joint) in robot.joints.iter().enumerate().filter(|(_, joint)| joint.is_passive()) {
+            let rest_rad = joint.spring.map_or(joint.nominal_rad, |spring| spring.rest_rad);
+            q[JOINTS + j] = rest_rad.clamp(joint.position_min_rad, joint.position_max_rad);
+        }
         let mut misfits = Vec::new();
         let roots = (0..robot.joints.len()).filter(|&j| robot.joints[j].parent == 0);
         for root in roots {
             let limb = Limb::new(model, root, &nominal, height_m);
             limb.fold(&mut q);
-            misfits.extend(limb.misfits(&q));
+            if !limb.joints.iter().any(|&j| is_given(j)) {
+                misfits.extend(limb.misfits(&q));
+            }
         }
         let frames = model.frames(&q);
         let feet = robot.end_effectors.iter().enumerate();
@@ -118,7 +130,8 @@ impl<'m> Limb<'m> {
     fn new(model: &'m Model, root: usize, nominal: &Frames, height_m: f64) -> Self {
         let robot = model.robot();
         let carried = |link: usize| model.tree().joints_to_link(link).contains(&root);
-        let joints = (0..robot.joints.len()).filter(|&j| carried(robot.joints[j].child)).collect();
+        let joints: Vec<_> =
+            (0..robot.joints.len()).filter(|&j| carried(robot.joints[j].child)).collect();
         let ends = 0..robot.end_effectors.len();
         let feet: Vec<usize> = ends.filter(|&j| carried(robot.end_effectors[j].link)).collect();
         let own = |pair: &&Pair| {
@@ -127,6 +140,7 @@ impl<'m> Limb<'m> {
         };
         Self {
             model,
+            driven: joints.iter().copied().filter(|&j| !robot.joints[j].is_passive()).collect(),
             joints,
             nominal: feet
                 .iter()
@@ -209,12 +223,14 @@ impl<'m> Limb<'m> {
     }
 
     fn for_each_of_grid(&self, q: &DVector<f64>, mut each: impl FnMut(&DVector<f64>)) {
-        let joints = self.joints.len().max(1);
+        let joints = self.driven.len().max(1);
         let angles = ((GRID as f64).powf(1.0 / joints as f64) as usize).clamp(2, ANGLES);
+        // Joints beyond the largest grid keep their nominal angles.
+        let in_grid = joints.min(GRID_MAX.ilog(angles) as usize);
         let mut q = q.clone();
-        for index in 0..angles.pow(joints as u32).min(GRID * 10) {
+        for index in 0..angles.pow(in_grid as u32) {
             let mut rest = index;
-            for &j in &self.joints {
+            for &j in self.driven.iter().take(in_grid) {
                 let [least, most] = self.range_rad(j);
                 let u = (rest % angles) as f64 / (angles - 1) as f64;
                 q[JOINTS + j] = least + u * (most - least);
@@ -230,8 +246,8 @@ impl<'m> Limb<'m> {
         let mut residuals = self.residuals(&q);
         let mut damping = 1e-3;
         for _ in 0..STEPS {
-            let mut jacobian = DMatrix::zeros(residuals.len(), self.joints.len());
-            for (column, &j) in self.joints.iter().enumerate() {
+            let mut jacobian = DMatrix::zeros(residuals.len(), self.driven.len());
+            for (column, &j) in self.driven.iter().enumerate() {
                 let mut moved = q.clone();
                 moved[JOINTS + j] += DIFFERENCE_RAD;
                 jacobian
@@ -240,11 +256,11 @@ impl<'m> Limb<'m> {
             let gradient = jacobian.tr_mul(&residuals);
             let stepped = (0..).try_for_each(|_| {
                 let matrix = jacobian.tr_mul(&jacobian)
-                    + DMatrix::from_diagonal_element(self.joints.len(), self.joints.len(), damping);
+                    + DMatrix::from_diagonal_element(self.driven.len(), self.driven.len(), damping);
                 let mut trial = q.clone();
                 if let Some(matrix) = matrix.cholesky() {
                     let step = matrix.solve(&gradient);
-                    for (&j, step) in self.joints.iter().zip(step.iter()) {
+                    for (&j, step) in self.driven.iter().zip(step.iter()) {
                         let [least, most] = self.range_rad(j);
                         trial[JOINTS + j] = (q[JOINTS + j] - step).clamp(least, most);
                     }
@@ -274,5 +290,43 @@ impl<'m> Limb<'m> {
             found.push(Misfit { part: name(), off_m: off_m.abs() });
         });
         found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn model(name: &str) -> Model {
+        let path = format!("{}/../shipped/robots/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+        let robot = Robot::from_toml(name, &std::fs::read_to_string(path).unwrap()).unwrap();
+        Model::new(&robot.with_body_points().unwrap())
+    }
+
+    #[test]
+    fn the_grid_of_a_limb_with_many_joints_is_limited() {
+        let model = model("anymal_wheels");
+        let q = model.nominal_q().clone();
+        let limb = Limb::new(&model, 0, &model.frames(&q), 1.0);
+        for (joints, expected) in [(1, 24), (3, 14 * 14 * 14), (14, 1 << 14), (64, 1 << 14)] {
+            let limb = Limb { driven: vec![0; joints], pairs: Vec::new(), ..limb.clone() };
+            let mut points = 0;
+            limb.for_each_of_grid(&q, |_| points += 1);
+            assert_eq!(points, expected, "{joints} joints");
+        }
+    }
+
+    #[test]
+    fn springs_hold_passive_joints_of_the_lying_robot_at_rest() {
+        let model = model("pup_toes");
+        let pose = LyingPose::find(&model, |_| false);
+        let joints = model.robot().joints.iter().zip(&pose.joint_rad);
+        let passive: Vec<_> = joints.filter(|(joint, _)| joint.is_passive()).collect();
+        assert!(!passive.is_empty());
+        for (joint, &angle_rad) in passive {
+            let rest_rad = joint.spring.unwrap().rest_rad;
+            let rest_rad = rest_rad.clamp(joint.position_min_rad, joint.position_max_rad);
+            assert_eq!(angle_rad, rest_rad, "{}", joint.name);
+        }
     }
 }

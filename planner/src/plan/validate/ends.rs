@@ -41,7 +41,7 @@ impl Plan {
                     end.has_contacts_of(sample, meaning)?;
                     end.has_torques_of(sample, meaning)?;
                 }
-                let model = Model::new(&self.robot);
+                let model = self.motion.model(&self.robot);
                 before.is_pose_of(&model)?;
                 after.is_pose_of(&model)?;
                 self.validate_end_placement(first, last, at)
