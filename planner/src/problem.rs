@@ -4,6 +4,7 @@
 //! the present state of a robot ([`Problem::horizon`]). Costs and constraints are in [`crate::formulation`].
 
 mod contact_ground;
+pub(crate) mod extent;
 mod footholds;
 mod horizon;
 mod means;

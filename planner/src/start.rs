@@ -8,7 +8,6 @@
 //! Random numbers depend only on a seed: the same seed gives the same plan.
 
 mod detour;
-pub(crate) mod extent;
 pub(crate) mod guess;
 mod halved;
 mod joined;

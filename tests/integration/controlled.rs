@@ -135,7 +135,7 @@ fn without_readings_a_motion_is_brought_to_a_stop() {
         assert!(said[0].contains("\"untracked\":null"), "{}", said[0]);
         assert!(said[1].contains(&format!("\"untracked\":{first}")), "{}", said[1]);
         assert!(said[40].contains(lost), "{}", said[40]);
-        assert!(said[99].contains("and stops; start the motion again"), "{}", said[99]);
+        assert!(said[99].contains("and stops the robot; start the motion again"), "{}", said[99]);
     }
 }
 
@@ -161,13 +161,13 @@ fn what_cannot_be_is_not_tracked_and_what_comes_and_goes_ends_the_motion() {
         }
     });
     assert_eq!(loose[0], "null");
-    assert!(loose[398].contains("and stops; start the motion again"), "{}", loose[398]);
+    assert!(loose[398].contains("and stops the robot; start the motion again"), "{}", loose[398]);
     let angle = start["joint_rad"][1].as_f64().unwrap();
     let turned = untracked(&|_, of| of["joint_rad"][1] = json!(angle + std::f64::consts::TAU));
     assert!(turned[0].contains("far beyond its joint's range"), "{}", turned[0]);
     let lies = untracked(&|_, of| of["base"]["orientation_wxyz"] = json!([0.0, 1.0, 0.0, 0.0]));
     assert!(lies[0].contains("has fallen"), "{}", lies[0]);
-    assert!(lies[398].contains("and stops; start the motion again"), "{}", lies[398]);
+    assert!(lies[398].contains("and stops the robot; start the motion again"), "{}", lies[398]);
 }
 
 #[test]

@@ -77,7 +77,10 @@ fn legs_that_are_too_short_for_a_target_are_made_longer() {
     assert_eq!(checked.code, 0);
     let warning = "warning: original robot: target number 1: `up_m` is 0.3 m: give a lower height, because `front_left` is on the ground";
     assert!(checked.stderr.contains(warning), "{}", checked.stderr);
-    let beyond = ["no plan to start from: first change thigh or shank", "beyond reach"];
+    let beyond = [
+        "no plan was found for a motion of the original robot, but this command starts from such plans: first change thigh or shank",
+        "beyond reach",
+    ];
     run(&["optimise", "legs.toml", "-o", "best"]).fails(1, &beyond);
     run(&["edit", "legs.toml", "thigh=0.08", "-o", "short"]).fails(1, &["beyond reach"]);
     let longer = run(&["edit", "legs.toml", "thigh=0.14", "shank=0.14", "-o", "longer"]);

@@ -93,7 +93,7 @@ fn all_gains_are_those_that_there_are() {
     );
     assert!(set.succeeds().starts_with("2 values set"));
     let set = on(&desk, &socket, &["gains", "set", "all", "--kp", "20", "--kd", "1"]);
-    assert!(set.stderr.trim_end().ends_with("do not have this value: wheel"), "{}", set.stderr);
+    assert!(set.stderr.trim_end().ends_with("do not have this parameter: wheel"), "{}", set.stderr);
     for wrong in ["--kp=-1", "--kd=-1", "--kp=NaN"] {
         let refused = on(&desk, &socket, &["gains", "set", "all", wrong]);
         refused.fails(2, &["a number of at least 0"]);

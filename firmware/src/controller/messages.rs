@@ -350,24 +350,23 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         let speed = u8::try_from(speed_64ths).ok();
         let speed = speed.filter(|speed| (1..=PLANNED_SPEED_64THS).contains(speed));
         let speed = speed.ok_or(CommandResult::BadSpeed)?;
-        let library = self.storage.library();
-        let node = match library.map(|library| library.node_for_code(code)) {
+        let node = match self.storage.library() {
             None => Err(CommandResult::NoLibrary),
-            Some(None) => Err(CommandResult::UnknownCode),
-            Some(Some(node)) => Ok(node),
+            Some(library) => {
+                // A motion whose name cannot be read may be one for a place.
+                let is_here = |entered| {
+                    library.name(entered).is_some_and(|name| {
+                        let of_motion = PlaceCode::of_motion(name);
+                        of_motion.is_none() || of_motion == place
+                    })
+                };
+                match library.node_for_code(code) {
+                    None => Err(CommandResult::UnknownCode),
+                    Some(node) if self.motion.may_enter(&library, node, is_here) => Ok(node),
+                    Some(_) => Err(CommandResult::OtherPlace),
+                }
+            }
         };
-        let node = node.and_then(|node| {
-            let library = library.ok_or(CommandResult::NoLibrary)?;
-            // A motion whose name cannot be read may be one for a place.
-            let is_here = |entered| {
-                library.name(entered).is_some_and(|name| {
-                    let of_motion = PlaceCode::of_motion(name);
-                    of_motion.is_none() || of_motion == place
-                })
-            };
-            let may = self.motion.may_enter(&library, node, is_here);
-            if may { Ok(node) } else { Err(CommandResult::OtherPlace) }
-        });
         if self.state() == State::Paused {
             return Err(CommandResult::WrongState);
         }

@@ -3,7 +3,7 @@
 use crate::families::Family;
 use crate::plan::Culprit;
 use crate::problem::Problem;
-use crate::start::extent::{Extent, contains};
+use crate::problem::extent::{Extent, contains};
 use nalgebra::{Rotation2, Vector2};
 use rollwalk_multibody::ground::obstacle::Obstacle;
 

@@ -111,7 +111,7 @@ mod tests {
              as played 0.42 of its tolerance instead of 0.31"
         );
         let text = change(Some([0.2, 0.25]), None).to_string();
-        assert!(text.contains("swings 0.250 s instead of 0.200 s"), "{text}");
+        assert!(text.contains("mean swing 0.250 s instead of 0.200 s"), "{text}");
         assert!(text.contains("no plan was found with the given times"), "{text}");
     }
 }

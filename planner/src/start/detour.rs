@@ -4,8 +4,8 @@
 //! along an offset from the straight path, and faces along it, so that wheels roll. Below an obstacle at the height of its head,
 //! it ducks.
 
-use super::extent::{DUCK, Extent, contains};
 use crate::motion::Motion;
+use crate::problem::extent::{DUCK, Extent, contains};
 use nalgebra::{Rotation2, Vector2};
 use rollwalk_multibody::euler::Model;
 use rollwalk_robot::Robot;

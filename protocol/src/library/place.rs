@@ -11,12 +11,16 @@ pub struct PlaceCode(NonZeroU16);
 impl PlaceCode {
     /// Code of a place with this name: the low half of its CRC-32C, or 1 if that is 0.
     pub fn named(place: &str) -> Self {
-        Self(NonZeroU16::new(crc32c(place.as_bytes()) as u16).unwrap_or(NonZeroU16::MIN))
+        Self::of_bytes(place.as_bytes())
     }
 
     /// Place of a motion with this name; `None` for a motion that may begin anywhere.
     pub fn of_motion(name: &str) -> Option<Self> {
-        place_of(name).map(Self::named)
+        place_in(name.as_bytes()).map(Self::of_bytes)
+    }
+
+    fn of_bytes(place: &[u8]) -> Self {
+        Self(NonZeroU16::new(crc32c(place) as u16).unwrap_or(NonZeroU16::MIN))
     }
 
     /// Place with a code on the wire; `None` for 0.
@@ -32,8 +36,14 @@ impl PlaceCode {
 
 /// Name of the place in the name of a motion; `None` without one.
 pub fn place_of(motion: &str) -> Option<&str> {
-    let (name, place) = motion.split_once('@')?;
-    (!name.is_empty() && !place.is_empty()).then_some(place)
+    let place = place_in(motion.as_bytes())?;
+    motion.get(motion.len().saturating_sub(place.len())..)
+}
+
+/// Bytes of the name of the place. Text takes more of a controller's memory than bytes.
+fn place_in(motion: &[u8]) -> Option<&[u8]> {
+    let at = motion.iter().position(|byte| *byte == b'@').filter(|at| *at > 0)?;
+    motion.get(at.saturating_add(1)..).filter(|place| !place.is_empty())
 }
 
 #[cfg(test)]

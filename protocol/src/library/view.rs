@@ -276,11 +276,11 @@ impl<'a> Library<'a> {
 
     /// Name of a motion; `None` if the motion does not exist.
     pub fn name(&self, node: NodeId) -> Option<&'a str> {
-        let mut rest = self.payload(Section::Names)?;
-        for _ in 0..node.0 {
-            rest = postcard::take_from_bytes::<&str>(rest).ok()?.1;
+        let mut names = ("", self.payload(Section::Names)?);
+        for _ in 0..=node.0 {
+            names = postcard::take_from_bytes::<&str>(names.1).ok()?;
         }
-        postcard::take_from_bytes::<&str>(rest).ok().map(|(name, _)| name)
+        Some(names.0)
     }
 
     /// Value of `quanta` of a channel, rad or rad/s.

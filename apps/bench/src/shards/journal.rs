@@ -211,7 +211,7 @@ mod tests {
         assert_eq!(results().len(), 2);
         let refused = |header| journals(header).results::<f64>().unwrap_err().to_string();
         let other = refused(Header { work: "v".into(), ..header() });
-        assert!(other.contains("of other work, w") && other.contains("this is v"), "{other}");
+        assert!(other.contains("of another run, w") && other.contains("this is v"), "{other}");
         let changed = refused(Header { digest: "e".into(), ..header() });
         assert!(changed.contains("has changed since"), "{changed}");
         fs::write(&path, "no journal\n").unwrap();
