@@ -90,6 +90,8 @@ fn a_robot_with_sprung_feet_walks_behind_the_bus() {
         .fails(1, &["joint `front_left_toe` has no motor"]);
     // No encoder measures the toes.
     desk.run(&["simulate", "walk.json"]).succeeds();
+    desk.run(&["simulate", "walk.json", "--tracking"])
+        .fails(1, &["joint `front_left_toe` of pup_toes has no motor"]);
     let model = desk.read_text("walk.xml");
     assert_eq!(model.matches("springref=").count(), 4);
     assert_eq!(model.matches("<position ").count(), 8, "no motor turns the toes");

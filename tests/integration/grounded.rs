@@ -104,6 +104,8 @@ fn a_library_holds_a_motion_over_a_kerb_and_plays_it_there() {
     assert!(clips.iter().all(|clip| clip["name"] != "over@kerb"), "{simulation}");
     let alone = &simulation["on_terrain"][0];
     assert_eq!((&alone["name"], &alone["verdict"]), (&"over@kerb".into(), &"holds".into()));
+    let level = desk.run(&["simulate", "kerbs.rwl"]);
+    assert!(level.stderr.contains("motion `over@kerb` was not played"), "{}", level.stderr);
     let told = desk.run(&["simulate", "kerbs.rwl", "--terrain", "kerb.toml", "--json"]).succeeds();
     let told: Value = serde_json::from_str(&told).unwrap();
     let travels = told["travels"].as_array().unwrap();

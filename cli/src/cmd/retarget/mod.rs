@@ -183,6 +183,7 @@ const STEADIER: &str = "use stiffer servos, feed-forward or a slower motion";
 /// Replaces the robot of a plan by one with other drives or feet.
 fn on(plan: Plan, robot: Robot, path: &Path) -> miette::Result<Plan> {
     let name = path.display().to_string();
+    let robot = plan.motion.robot(&robot).into_owned();
     let plan = Plan { robot, ..plan };
     plan.validate(&name).map_err(|error| {
         miette!(

@@ -6,6 +6,7 @@ use crate::terrain::Support;
 use crate::tour::{self, Options, TourResult};
 use miette::miette;
 use rollwalk_physics::world::{NetDisplacement, ObstacleContact, Totals};
+use rollwalk_protocol::library::place_of;
 use rollwalk_sim_host::ground::{Fall, Travel};
 use rollwalk_terminal::files::Rotation;
 use rollwalk_terminal::output::Table;
@@ -114,6 +115,13 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             None => interrupted.then(|| "interrupted".to_owned()),
         },
     };
+    if !args.ground.has_terrain() {
+        let names = catalog.motions.iter().map(|motion| motion.name.as_str());
+        let placed = names.filter(|name| place_of(name).is_some());
+        let text =
+            |name| format!("motion `{name}` was not played: give its terrain with --terrain");
+        output::print_warnings(&placed.map(text).collect::<Vec<_>>());
+    }
     if args.json {
         output::print_json(&document)?;
     } else {

@@ -62,6 +62,15 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             ..Mismatch::default()
         },
     };
+    let passive = plan.robot.joints.iter().find(|joint| joint.is_passive());
+    if let Some(joint) = passive.filter(|_| args.tracking) {
+        return Err(miette!(
+            help = "leave out --tracking",
+            "--tracking: joint `{}` of {} has no motor, and the tracker does not model its spring",
+            joint.name,
+            plan.robot.name
+        ));
+    }
     if args.tracking
         && let Err(unfit) = control::check(&plan.robot)
     {
