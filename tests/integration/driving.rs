@@ -74,10 +74,16 @@ fn a_simulated_robot_is_steered_over_terrain() {
     drive(&[]).fails(1, &["there is no bus to the robot", "--terrain TERRAIN.toml"]);
     drive(&["--terrain", "kerb.toml", "--sensed", "5"]).fails(2, &["NOISE,HOLES,DELAY"]);
     drive(&["--terrain", "none.toml"]).fails(1, &["there is no terrain file"]);
+    drive(&["--terrain", "kerb.toml", "--bus", "sim"]).fails(1, &["--bus is given, too"]);
+    desk.write(
+        "crate.toml",
+        "[[obstacle]]\nname = \"crate\"\nbox_m = [0.3, 0.3, 0.3]\nat_m = [0.6, 0, 0.15]\n",
+    );
+    drive(&["--terrain", "crate.toml"]).succeeds_with(3, &["touches obstacle `crate`"]);
     for map in [&[][..], &["--sensed"], &["--sensed", "2,10,300"]] {
         let told = drive(&[&["--terrain", "kerb.toml"][..], map].concat()).succeeds();
         assert!(told.contains("kerb.toml: the robot did not fall in 3.0 s"), "{told}");
-        let ahead = told.split("it came ").nth(1).and_then(|rest| rest.split(' ').next());
+        let ahead = told.split("it moved ").nth(1).and_then(|rest| rest.split(' ').next());
         let ahead_m: f64 = ahead.and_then(|ahead| ahead.parse().ok()).expect("a distance");
         // It speeds up in the first half second.
         assert!((0.45..0.57).contains(&ahead_m), "{told}");

@@ -15,7 +15,7 @@ use rollwalk_multibody::State;
 use rollwalk_multibody::ground::{Ground, Plane, Terrain};
 use rollwalk_physics::motor::Law;
 use rollwalk_physics::push::{Shove, mean_force};
-use rollwalk_physics::world::{FallWatch, Parameters, heading_rad};
+use rollwalk_physics::world::{FallWatch, ObstacleContact, ObstacleWatch, Parameters, heading_rad};
 use rollwalk_physics::{StepError, World};
 use rollwalk_planner::families::Family;
 use rollwalk_planner::receding::{
@@ -113,6 +113,8 @@ pub struct HorizonResult {
 pub struct SteeredOutcome {
     /// Time at which the robot fell, s; `None` if it did not fall.
     pub fell_at_s: Option<f64>,
+    /// First contact with an obstacle; `None` without contacts.
+    pub collision: Option<ObstacleContact>,
     /// Simulated time, s.
     pub time_s: f64,
     /// Plans, in order of time.
@@ -272,6 +274,7 @@ pub fn steer(
     let ground = options.ground.as_ref().map_or_else(level, |of| of.terrain.solid());
     let mut world = World::standing(robot, &ground, &Parameters::new(robot));
     let fall_watch = FallWatch::new(&world, &ground);
+    let obstacle_watch = ObstacleWatch::new(robot, ground.as_ref());
     let tree = horizon.tree().clone();
     let mut tracker = Tracker::new(tree.clone(), Weights::default(), step_s);
     let servos: Vec<Law> = robot.channels().map(|channel| servo(&channel)).collect();
@@ -292,6 +295,7 @@ pub fn steer(
     let mut tracked = first.ok_or(SteeredError::CannotStand)?;
     let mut next = None;
     let (mut untracked, mut fell_at_s, mut velocities) = (0, None, Vec::new());
+    let mut collision = None;
     for step in 0..(options.duration_s / step_s).round() as usize {
         let time_s = step as f64 * step_s;
         let state = world.state(&tree);
@@ -332,6 +336,9 @@ pub fn steer(
         world.step(step_s)?;
         velocities.push(in_heading(&world.state(&tree)));
         on_event(SteeredEvent::Step);
+        if let Some(watch) = obstacle_watch.as_ref().filter(|_| collision.is_none()) {
+            collision = watch.check(&world);
+        }
         if fall_watch.check(&world).is_some() {
             fell_at_s = Some(world.system().time_s());
             break;
@@ -339,7 +346,16 @@ pub fn steer(
     }
     let (time_s, plans, rate_hz) = (world.system().time_s(), planner.plans, 1.0 / step_s);
     let end_m = world.base().0.into();
-    Ok(SteeredOutcome { fell_at_s, time_s, plans, untracked, rate_hz, velocities, end_m })
+    Ok(SteeredOutcome {
+        fell_at_s,
+        collision,
+        time_s,
+        plans,
+        untracked,
+        rate_hz,
+        velocities,
+        end_m,
+    })
 }
 
 /// Velocity of the body: forward and left in its heading frame, m/s, and rate of the heading, rad/s.

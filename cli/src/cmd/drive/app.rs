@@ -314,7 +314,7 @@ impl<'a> App<'a> {
         };
         let mut words = match (at(0.5), at(0.99)) {
             (Some(median), Some(most)) => format!(
-                "{planned} horizons planned in {median:.0} ms (99 %: {most:.0} ms), {rejected} \
+                "{planned} horizons, {median:.0} ms each (median; 99 %: {most:.0} ms), {rejected} \
                  rejected, at least {} frames ahead; ",
                 least_ahead.unwrap_or(0)
             ),

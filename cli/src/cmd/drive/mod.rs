@@ -21,7 +21,7 @@ use rollwalk_pilot::{Pilot, SteeredRobot};
 use rollwalk_simulate::elevation::Sensing;
 use rollwalk_terminal::inputs::number_within;
 use rollwalk_terminal::link::steering::{GIVE_GAIT, SteeringArgs, SteeringInputs};
-use rollwalk_terminal::link::{MaybeLinkArgs, cannot_open, report_failure};
+use rollwalk_terminal::link::{BUS_ENV, MaybeLinkArgs, cannot_open, report_failure};
 use rollwalk_terminal::{Exit, interrupt, output};
 use std::io::{self, IsTerminal};
 use std::path::PathBuf;
@@ -109,6 +109,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         return Err(miette!(
             help = "to steer without a terminal, give --steer AT:FORWARD,LEFT,TURN",
             "driving by keys requires a terminal, but standard input or error is not a terminal"
+        ));
+    }
+    if args.terrain.is_some() && args.link.link().is_some() && std::env::var_os(BUS_ENV).is_none() {
+        return Err(miette!(
+            help = "give --bus to drive a robot, or --terrain to simulate one",
+            "--terrain simulates the robot without a bus, but --bus is given, too"
         ));
     }
     let prepared = args.steering.prepare(&args.library, args.robot.as_deref())?;

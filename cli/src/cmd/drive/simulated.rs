@@ -68,7 +68,14 @@ pub fn run(args: &Args, route: &Route, terrain: &Path) -> miette::Result<Exit> {
     });
     let outcome = outcome.map_err(Report::msg)?;
     output::print(&words(&file, &outcome, took_ms))?;
-    Ok(if outcome.fell_at_s.is_some() { Exit::DoesNotHold } else { Exit::Ok })
+    Ok(if holds(&outcome) { Exit::Ok } else { Exit::DoesNotHold })
+}
+
+/// Returns true if the robot stayed on its feet and clear of obstacles, and if it followed a plan besides the initial one.
+fn holds(outcome: &SteeredOutcome) -> bool {
+    let plans = outcome.plans.len();
+    let followed = plans <= 1 || outcome.rejected() + 1 < plans;
+    outcome.fell_at_s.is_none() && outcome.collision.is_none() && followed
 }
 
 /// Summary of a drive.
@@ -83,9 +90,17 @@ fn words(file: &str, outcome: &SteeredOutcome, mut took_ms: Vec<f64>) -> String 
         Some(at_s) => format!("the robot fell after {at_s:.1} s"),
         None => format!("the robot did not fall in {:.1} s", outcome.time_s),
     };
+    let collision = outcome.collision.as_ref().map(|contact| {
+        format!("; {contact}: steer round it, because the planner of `drive` ignores obstacles")
+    });
+    let untracked = match outcome.untracked {
+        0 => String::new(),
+        ticks => format!("; motors kept their set-points in {ticks} untracked ticks"),
+    };
     format!(
-        "{file}: {ends}; it came {} m forward and {} m to the left; {} horizons planned in {:.0} ms \
-         (99 %: {:.0} ms), {} rejected",
+        "{file}: {ends}{}; it moved {} m along x and {} m along y of the world; {} horizons, {:.0} ms \
+         each (median; 99 %: {:.0} ms), {} rejected{untracked}",
+        collision.unwrap_or_default(),
         fixed::<2>(x),
         fixed::<2>(y),
         outcome.plans.len(),
@@ -98,6 +113,54 @@ fn words(file: &str, outcome: &SteeredOutcome, mut took_ms: Vec<f64>) -> String 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rollwalk_planner::families::Family;
+    use rollwalk_simulate::steered::HorizonResult;
+
+    /// Outcome of a run with these plans, accepted or not.
+    fn outcome(accepted: &[bool]) -> SteeredOutcome {
+        let plan = |accepted: &bool| HorizonResult {
+            iterations: 3,
+            accepted: *accepted,
+            worst_level: 0.1,
+            worst_constraint: Family::Foothold,
+        };
+        SteeredOutcome {
+            fell_at_s: None,
+            collision: None,
+            time_s: 3.0,
+            plans: accepted.iter().map(plan).collect(),
+            untracked: 0,
+            rate_hz: 500.0,
+            velocities: Vec::new(),
+            end_m: [0.5, -0.1, 0.2],
+        }
+    }
+
+    #[test]
+    fn a_drive_without_followed_plans_does_not_hold() {
+        for (plans, expected) in [
+            (&[true][..], true),
+            (&[true, false, true], true),
+            (&[true, false], false),
+            (&[true, false, false], false),
+        ] {
+            assert_eq!(holds(&outcome(plans)), expected, "{plans:?}");
+        }
+    }
+
+    #[test]
+    fn the_summary_has_world_axes_times_and_untracked_ticks() {
+        let mut of = outcome(&[true, false]);
+        let told = words("a.toml", &of, vec![12.0]);
+        assert_eq!(
+            told,
+            "a.toml: the robot did not fall in 3.0 s; it moved 0.50 m along x and -0.10 m along y \
+             of the world; 2 horizons, 12 ms each (median; 99 %: 12 ms), 1 rejected"
+        );
+        of.untracked = 7;
+        let told = words("a.toml", &of, vec![12.0]);
+        assert!(told.ends_with("set-points in 7 untracked ticks"), "{told}");
+    }
 
     #[test]
     fn sensed_maps_are_described_by_three_numbers() {

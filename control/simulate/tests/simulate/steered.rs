@@ -1,9 +1,10 @@
 //! Tests of robots that are steered in the simulated world.
 
 use crate::{ROOT, plan};
+use rollwalk_multibody::ground::file::from_toml;
 use rollwalk_planner::receding::{Gait, Horizon, HorizonOptions, Steering};
 use rollwalk_robot::Robot;
-use rollwalk_simulate::steered::{Command, Options, SteeredError, steer};
+use rollwalk_simulate::steered::{Command, Options, SteeredError, SteeredGround, steer};
 use std::fs;
 
 fn agilebot() -> Robot {
@@ -50,4 +51,20 @@ fn a_plan_that_takes_longer_than_the_next_one_is_refused() {
     let options = Options { replan_samples: 1, planning_s: 0.1, ..Options::default() };
     let error = steer(&robot, horizon, &[], &options, &mut |_| {}).unwrap_err();
     assert!(matches!(error, SteeredError::Late { .. }), "{error}");
+}
+
+#[test]
+fn a_robot_that_drives_into_a_crate_collides_with_it() {
+    let robot = agilebot();
+    let stand = Gait::standing(&robot, 0.1).unwrap();
+    let horizon = Horizon::new(&robot, stand, HorizonOptions::default()).unwrap();
+    let toml = "[[obstacle]]\nname = \"crate\"\nbox_m = [0.3, 0.3, 0.3]\nat_m = [0.6, 0, 0.15]\n";
+    let terrain = from_toml("crate.toml", toml).unwrap();
+    let ground = Some(SteeredGround { terrain, sensing: None });
+    let options = Options { duration_s: 3.0, ground, ..Options::default() };
+    let commands = [Command { at_s: 0.2, steering: forward(0.2), gait: None }];
+    let outcome = steer(&robot, horizon, &commands, &options, &mut |_| {}).unwrap();
+    let contact = outcome.collision.expect("the crate is in the way");
+    assert_eq!(contact.obstacle, "crate");
+    assert!((0.5..3.0).contains(&contact.at_s), "{contact}");
 }
