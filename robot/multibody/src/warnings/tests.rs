@@ -124,11 +124,11 @@ fn a_slip_is_named_with_its_value() {
         (vec![(body, &point)], "a radius of gyration of only 0.26 mm"),
         (
             vec![("mass_kg = 1.5,", "mass_kg = 0.0015,")],
-            "link `body`: 0.0015 kg in 2880.0 cm³ is a density of 0.52 kg/m³",
+            "link `body`: mass 0.0015 kg and inertia are those of a box of 2880.0 cm³ with a density of 0.52 kg/m³",
         ),
         (
             vec![("mass_kg = 0.15,", "mass_kg = 150,")],
-            "`rear_right_thigh`: 150 kg in 90.0 cm³ is a density of 1666667 kg/m³",
+            "`rear_right_thigh`: mass 150 kg and inertia are those of a box of 90.0 cm³ with a density of 1666667 kg/m³",
         ),
         (vec![("armature_kg_m2 = 0.004", "armature_kg_m2 = 0.4")], "`armature_kg_m2` is 0.4, "),
         (vec![("armature_kg_m2 = 0.004", "armature_kg_m2 = 4.0")], "`armature_kg_m2` is 4, "),
