@@ -1,18 +1,9 @@
 //! Checks of the dependencies: advisories, licences, duplicates and sources, by the rules of `deny.toml`.
 
+use crate::locks::WORKSPACES;
 use crate::{shell, toolchain};
 
 const CARGO_DENY: (&str, &str) = ("cargo-deny", "0.20.2");
-
-/// Manifests of all workspaces, each of which has its own `Cargo.lock`.
-const WORKSPACES: [&str; 6] = [
-    "Cargo.toml",
-    "firmware/boards/mps2-an386/Cargo.toml",
-    "firmware/boards/nucleo-g474re/Cargo.toml",
-    "firmware/boards/pico2/Cargo.toml",
-    "tests/fuzz/Cargo.toml",
-    "apps/packaging/rollwalk_ros2/Cargo.toml",
-];
 
 /// Checks the dependencies of all workspaces. Without a network the advisories of an earlier run are used; cargo-deny refuses
 /// them when they are older than three months.

@@ -7,7 +7,7 @@
 //! | [`tidy`] | checks the rules of this repository (`CONTRIBUTING.md`) |
 //! | [`bare_metal`], [`board`] | build the controller's crates for the Cortex-M4; build, measure and emulate board images |
 //! | [`fuzz`], [`miri`] | test protocol and firmware |
-//! | [`deny`], [`sbom`] | check licences and advisories of dependencies; write the bills of materials |
+//! | [`locks`], [`deny`], [`sbom`] | check lock files, licences and advisories; write the bills of materials |
 //! | [`crates`] | checks that the library crates can be published |
 //! | [`package`], [`wheel`] | make the archive, the Debian package and the Python package |
 //! | [`mod@studio`], [`browsers`] | build the studio; test its page |
@@ -36,6 +36,7 @@ mod fatrop;
 mod fuzz;
 mod fuzz_log;
 mod hostile;
+mod locks;
 mod markdown;
 mod measured;
 mod miri;
@@ -83,9 +84,10 @@ enum Task {
         #[arg(long, hide = true, requires = "only")]
         brief: bool,
     },
-    /// Run the long forms of the tests, which take hours. Continues after a failure and prints the seconds of every step.
+    /// Run the long forms of the tests, which take hours. Continues after a failure and prints the seconds of every step. The
+    /// next run at the same commit repeats only the steps that have not passed.
     Nightly {
-        /// Run only the given step.
+        /// Run only the given step, even if it has passed at this commit.
         #[arg(long, value_name = "STEP")]
         only: Option<NightlyStep>,
     },

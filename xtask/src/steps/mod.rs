@@ -4,13 +4,16 @@
 //! process, in parallel with the steps that follow it.
 
 pub mod nightly;
+mod record;
 mod run;
 pub mod test;
 
 use crate::changes;
 use crate::extent::Extent;
 use clap::ValueEnum;
+use record::Record;
 pub use run::Run;
+use std::time::Instant;
 
 /// Step of a command; `--only` selects it by its name.
 pub trait Step: ValueEnum + 'static {
@@ -39,6 +42,9 @@ pub trait Step: ValueEnum + 'static {
         ""
     }
 
+    /// True if a step that has passed at a commit is not repeated at it, because the command takes hours.
+    const IS_RESUMED: bool = false;
+
     /// Runs the step.
     ///
     /// # Errors
@@ -57,7 +63,7 @@ pub trait Step: ValueEnum + 'static {
 }
 
 /// Runs all steps of a command, or `only` one, in full or `brief`. If a step fails, the steps that need it are skipped; all
-/// others run.
+/// others run. A command of hours ([`Step::IS_RESUMED`]) continues with the steps that have not passed at this commit.
 ///
 /// # Errors
 /// Returns the failed steps, with the commands that run them alone.
@@ -71,6 +77,8 @@ pub fn run<S: Step>(only: Option<S>, brief: bool) -> Result<(), String> {
         if has_brief && (brief || !alone && is_same) { Extent::Brief } else { Extent::Short }
     };
     let steps = only.map_or_else(|| S::value_variants().to_vec(), |step| vec![step]);
+    let record = S::IS_RESUMED.then(|| Record::open(S::COMMAND));
+    let passed_before = |name: &str| record.as_ref().filter(|_| !alone)?.passed(name);
     let mut run = Run::new(S::COMMAND, steps.len());
     for step in &steps {
         let name = step.name();
@@ -85,10 +93,19 @@ pub fn run<S: Step>(only: Option<S>, brief: bool) -> Result<(), String> {
         let needed = step.needs().map(|needed| needed.name());
         if let Some(needed) = needed.filter(|needed| run.has_failed(needed)) {
             run.skip(&name, step.title(), &needed);
+        } else if let Some(seconds) = passed_before(&name) {
+            run.keep(&name, step.title(), seconds);
         } else if step.is_beside() && !alone {
             run.beside(&name, step.title(), extent == Extent::Brief);
         } else {
-            run.step(&name, step.title(), || step.check(extent));
+            run.step(&name, step.title(), || {
+                let start = Instant::now();
+                step.check(extent)?;
+                if let Some(record) = &record {
+                    record.add(&name, start.elapsed().as_secs_f64());
+                }
+                Ok(())
+            });
         }
     }
     run.finish()

@@ -82,6 +82,7 @@ pub enum NightlyStep {
 
 impl Step for NightlyStep {
     const COMMAND: &'static str = "nightly";
+    const IS_RESUMED: bool = true;
 
     fn title(&self) -> &'static str {
         match self {

@@ -13,6 +13,8 @@ pub struct Run {
     /// Total number of steps, for the headings.
     total: usize,
     start: Instant,
+    /// Total of the steps that passed in an earlier run, s.
+    earlier_s: f64,
     begun: usize,
     rows: Vec<Row>,
     beside: Vec<ParallelStep>,
@@ -46,6 +48,7 @@ impl Run {
             command,
             total,
             start: Instant::now(),
+            earlier_s: 0.0,
             begun: 0,
             rows: Vec::new(),
             beside: Vec::new(),
@@ -87,6 +90,14 @@ impl Run {
                 self.add(name, 0.0, FAILED);
             }
         }
+    }
+
+    /// Adds a step that passed at this commit in an earlier run, with its seconds there.
+    pub fn keep(&mut self, name: &str, title: &str, seconds: f64) {
+        self.begin(name, title);
+        eprintln!("== {name} passed in an earlier run at this commit");
+        self.earlier_s += seconds;
+        self.add(name, seconds, "in an earlier run");
     }
 
     /// Records a step that cannot run because `needed` has failed.
@@ -136,7 +147,8 @@ impl Run {
     /// Returns the failed steps, with the commands that run them alone.
     pub fn finish(mut self) -> Result<(), String> {
         self.join();
-        eprintln!("\n{}", table(&self.rows, self.start.elapsed().as_secs_f64()));
+        let total_s = self.earlier_s + self.start.elapsed().as_secs_f64();
+        eprintln!("\n{}", table(&self.rows, total_s));
         if !self.left.is_empty() {
             eprintln!("\n{}", brief_steps(&self.left));
         }
@@ -221,6 +233,14 @@ mod tests {
         assert!(run.step("two", "passes", || Ok(())));
         assert_eq!(run.finish(), Err("step `one` failed: cargo xtask test --only one".into()));
         assert_eq!(Run::new("test", 0).finish(), Ok(()));
+    }
+
+    #[test]
+    fn a_step_of_an_earlier_run_counts_with_its_seconds() {
+        let mut run = Run::new("nightly", 1);
+        run.keep("one", "passed", 12.5);
+        assert_eq!((run.rows[0].seconds, run.earlier_s), (12.5, 12.5));
+        assert_eq!(run.finish(), Ok(()));
     }
 
     #[test]

@@ -3,8 +3,8 @@
 use super::Step;
 use crate::extent::Extent;
 use crate::{
-    bare_metal, board, browsers, cantools, crates, debian, exports, hostile, mujoco, programs,
-    replay, shell, tidy, toolchain, workspace,
+    bare_metal, board, browsers, cantools, crates, debian, exports, hostile, locks, mujoco,
+    programs, replay, shell, tidy, toolchain, workspace,
 };
 use clap::ValueEnum;
 use std::thread;
@@ -14,7 +14,7 @@ use std::thread;
 pub enum TestStep {
     /// Formatting, by `rustfmt.toml`.
     Fmt,
-    /// Rules of this repository that the compiler does not check.
+    /// Rules of this repository that the compiler does not check; lock files that follow the manifests.
     Tidy,
     /// Packages of the published crates, without building them.
     Crates,
@@ -118,7 +118,7 @@ impl Step for TestStep {
     fn check(&self, extent: Extent) -> Result<(), String> {
         match self {
             Self::Fmt => format(),
-            Self::Tidy => tidy::check(&shell::workspace_root()),
+            Self::Tidy => tidy::check(&shell::workspace_root()).and_then(|()| locks::check()),
             Self::Crates => crates::check(extent),
             Self::Build => {
                 if extent == Extent::Short {
