@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Run time of each target after its seeds, s.
-pub const FULL_SECONDS: u32 = 600;
+pub const FULL_SECONDS: u32 = 180;
 /// Maximum time until the planted bug is found, s; usually one second.
 const PLANTED_SECONDS: u32 = 60;
 

@@ -70,7 +70,7 @@ pub enum NightlyStep {
     Wheel,
     /// Random faults and their combinations: a thousand runs on the ground, and a thousand of each kind on a stand.
     FaultCampaign,
-    /// Fuzz targets, for ten minutes each.
+    /// Fuzz targets, for three minutes each.
     Fuzz,
     /// 100,000 attacks on a simulated robot over its link; commands killed while they write, or writing to a full disk.
     Hostile,
@@ -103,7 +103,7 @@ impl Step for NightlyStep {
             Self::Hostile => "attacks on a simulated robot, and on files being written",
             Self::Long => "tests that take minutes",
             Self::Load => "simulated robots in real time on a busy computer",
-            Self::Fuzz => "fuzz targets, ten minutes each",
+            Self::Fuzz => "fuzz targets, three minutes each",
             Self::Studio => {
                 "the studio's engine as WebAssembly against the native one; its page in real browsers"
             }
