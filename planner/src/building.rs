@@ -64,7 +64,7 @@ pub enum LibraryMismatch {
     /// The file names the plan of a transition for a motion.
     #[error("{library}: motion `{motion}` refers to {at}, which is the plan of a transition")]
     #[diagnostic(help(
-        "let `plan` name the plan of a motion; `rollwalk library build` plans the transitions"
+        "set `plan` to the plan of a motion; `rollwalk library build` plans the transitions"
     ))]
     Transition {
         /// Name of the library file.
@@ -141,7 +141,7 @@ impl Contents {
                     let (other, motion, at) = shelf.motion(file)?;
                     motions.push(named(motion));
                     plans.push(None);
-                    (other, at, "let `robot` name the same file in the motion and in the library")
+                    (other, at, "set `robot` to the same file in the motion and in the library")
                 }
                 MotionSource::Plan(file) => {
                     let (plan, at) = shelf.plan(file)?;
@@ -157,8 +157,8 @@ impl Contents {
                     motions.push(plan.motion.clone());
                     let other = plan.robot.without_body_points();
                     plans.push(Some(plan));
-                    let advice = "plan the motion again with the robot file of the library, or let \
-                        `robot` of the library name the robot file of the plan";
+                    let advice = "plan the motion again with the robot file of the library, or set \
+                        `robot` of the library to the robot file of the plan";
                     (other, at, advice)
                 }
             };

@@ -375,7 +375,8 @@ impl<'a> PlanResult<'a> {
             [&plan.samples[0], &plan.after].map(|sample| sample.base_yaw_pitch_roll_rad[0]);
         let mut text = format!(
             "{} on {}: {status} after {} iterations from {}, {} samples, {time_s:.2} s\n\
-             the centre of mass moves {} m in x and {} m in y, turns {} rad, in {:.2} s\n\
+             the centre of mass moves {} m in x and {} m in y, and the body turns {} rad, \
+             in {:.2} s\n\
              {}\n",
             plan.motion.name,
             plan.robot.name,

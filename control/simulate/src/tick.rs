@@ -38,7 +38,7 @@ pub enum TrackingError {
     Stumbled,
     /// Stop after 0.1 s without tracking. The robot comes to rest and does not resume.
     #[error(
-        "the tracking controller had no set-points for {LOST_S} s, and stops the robot; start the motion again"
+        "the tracking controller had no setpoints for {LOST_S} s, and stops the robot; start the motion again"
     )]
     Stopped,
 }

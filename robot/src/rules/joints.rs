@@ -59,7 +59,7 @@ impl Check<'_> {
             }
         }
         if joint.child == 0 {
-            let help = "let joints lead away from the first link, the root";
+            let help = "give another link: the first link is the root, and no joint carries it";
             self.violated("child", "is the root link", help);
         } else if joint.parent != 0 && !earlier.iter().any(|other| other.child == joint.parent) {
             let name = robot.links.get(joint.parent).map_or("?", |link| link.name.as_str());

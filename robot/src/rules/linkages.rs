@@ -76,22 +76,22 @@ impl Check<'_> {
             let Some(linkage) = &joint.linkage else { continue };
             self.at(Item::Joint(index), format!("joint `{}`", joint.name));
             let Some(crank) = CrankMap::new(robot, joint, linkage) else {
-                let help = "let `motor_on` name the parent of the joint or a link before it, and \
+                let help = "set `motor_on` to the parent of the joint or a link before it, and \
                     place the pin away from the pivot and from the end of the rod";
                 self.violated("linkage", "cannot turn the joint", help);
                 continue;
             };
             if crank.joints().count() > PATH_MAX {
                 let help = format!(
-                    "let `motor_on` name a link with at most {PATH_MAX} joints between it and the \
+                    "set `motor_on` to a link with at most {PATH_MAX} joints between it and the \
                      link that the motor turns"
                 );
                 self.violated("linkage", "spans too many joints", help);
                 continue;
             }
             if crank.joints().any(|joint| robot.joints[joint].is_passive()) {
-                let help = "let `motor_on` name a link with driven joints only between it and the link \
-                    that the motor turns";
+                let help = "set `motor_on` to a link with only driven joints between it and the \
+                    link that the motor turns";
                 self.violated("linkage", "spans a joint without a motor", help);
                 continue;
             }

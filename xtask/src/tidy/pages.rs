@@ -81,7 +81,7 @@ fn measurements(page: &TextFile) -> Vec<String> {
             let line = table[0].0;
             let folder = measured::FOLDER;
             let instead =
-                format!("let `cargo xtask measured` write tables of measurements into {folder}");
+                format!("write tables of measurements into {folder} with `cargo xtask measured`");
             found.push(format!("{}:{line}: {instead}", page.path));
         }
         table.clear();

@@ -80,7 +80,7 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
         let simulations = reached.map_or(f64::INFINITY, |at| at as f64 + 1.0);
         outcome.checks.extend([
             Check::at_most(
-                &of("simulations of L-BFGS to O/O0 of 1e-20"),
+                &of("simulations of L-BFGS until O/O0 is 1e-20"),
                 thesis,
                 simulations,
                 60.0,

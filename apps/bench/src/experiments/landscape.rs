@@ -111,11 +111,11 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let smoother = Check::new(what, "smoother", "< 1", &short(share), Some(share < 1.0));
     outcome.checks.push(smoother);
     for (axis, name) in ["forward", "upward"].iter().enumerate() {
-        let what = format!("the same ratio, {name} direction only");
+        let what = format!("roughness of k_n 100 / roughness of k_n 1000, {name} only");
         outcome.checks.push(Check::informative(&what, "", rough[0][axis] / rough[1][axis]));
     }
-    let what =
-        "the same ratio at the point spacing of this grid, which exceeds the length of ripples";
+    let what = "mean second difference of O at the point spacing of this grid, which exceeds the \
+        length of ripples, k_n 100 / k_n 1000";
     outcome.checks.push(Check::informative(what, "", curvature[0] / curvature[1]));
     let what = "roughness of hybrid / roughness of linear friction, k_n 1000";
     outcome.checks.push(Check::informative(what, "", sum(rough[2]) / sum(rough[1])));
@@ -128,8 +128,8 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
             _ => f64::NAN,
         };
         let what = format!(
-            "distance on the grid between the minima with {bounces} of k_n 1000 and of hybrid / \
-             speed at the former"
+            "distance between the minima of linear and hybrid friction on the grid / speed at the \
+             minimum of linear friction, {bounces}"
         );
         outcome.checks.push(Check::at_most(&what, "slight", shift, shift::SLIGHT));
     }

@@ -60,7 +60,7 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
                 .report(&format!("{model:?} {start:?}: {sequence:?}, {off_mm:.2e} mm, {rollouts}"));
             let name = format!("{model:?}, from {start:?} m/s");
             let text = format!(
-                "{} to {off_mm:.1e} mm, O/O0 {share:.1e}, {rollouts} simulations",
+                "{}, {off_mm:.1e} mm from the target, O/O0 {share:.1e}, {rollouts} simulations",
                 named(sequence)
             );
             checks.push(Check::new(&name, "", "", &text, None));

@@ -44,7 +44,8 @@ The folder then holds
   bus.log            every frame of every CAN bus, as candump writes it
   serial.log         every packet of servos on serial lines, if the robot has any")]
 pub struct Args {
-    /// Folder for plans, plots, library and bus log. It is created if missing, in an existing folder; its files are replaced.
+    /// Folder for plans, plots, library and bus log. If it is missing, it is created in its parent folder, which must exist.
+    /// Files in it are replaced.
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
     out: PathBuf,
     /// Library file (TOML) to play instead of AgileBot's.

@@ -95,7 +95,7 @@ fn words(file: &str, outcome: &SteeredOutcome, mut took_ms: Vec<f64>) -> String 
     });
     let untracked = match outcome.untracked {
         0 => String::new(),
-        ticks => format!("; motors kept their set-points in {ticks} untracked ticks"),
+        ticks => format!("; motors kept their setpoints in {ticks} untracked ticks"),
     };
     format!(
         "{file}: {ends}{}; it moved {} m along x and {} m along y of the world; {} horizons, {:.0} ms \
@@ -159,7 +159,7 @@ mod tests {
         );
         of.untracked = 7;
         let told = words("a.toml", &of, vec![12.0]);
-        assert!(told.ends_with("set-points in 7 untracked ticks"), "{told}");
+        assert!(told.ends_with("setpoints in 7 untracked ticks"), "{told}");
     }
 
     #[test]

@@ -98,7 +98,7 @@ impl CorrectedPlan {
         if let Some(joint) = plan.robot.joints.iter().find(|joint| joint.is_coupled()) {
             return Err(miette!(
                 help = "play the plan with feed-forward torques, which needs no corrections",
-                "the motor of joint `{}` is coupled (`motor_per_joint` or `linkage`), and set-points \
+                "the motor of joint `{}` is coupled (`motor_per_joint` or `linkage`), and setpoints \
                  of such motors cannot be corrected",
                 joint.name
             ));
@@ -106,7 +106,7 @@ impl CorrectedPlan {
         if let Some(joint) = plan.robot.joints.iter().find(|joint| joint.is_passive()) {
             return Err(miette!(
                 help = "play the plan with feed-forward torques, which needs no corrections",
-                "joint `{}` has no motor, and set-points of robots with such joints cannot be corrected",
+                "joint `{}` has no motor, and setpoints of robots with such joints cannot be corrected",
                 joint.name
             ));
         }

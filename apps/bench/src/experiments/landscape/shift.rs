@@ -87,8 +87,8 @@ pub fn measure(
             let way = found.map_or(f64::NAN, |to| (to[0] - at[0]).hypot(to[1] - at[1]));
             let share = way / at[0].hypot(at[1]);
             let what = format!(
-                "distance from this minimum to that of k_n {node_stiffness_n_m} / speed at this \
-                 minimum, {bounces}"
+                "distance between the minima of k_n {STIFF_N_M} and {node_stiffness_n_m} / speed \
+                 at the minimum of k_n {STIFF_N_M}, {bounces}"
             );
             let why = "soft contacts hold the ball longer, so the ball bounces later, as the rows above \
                  show";
