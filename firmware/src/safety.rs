@@ -57,7 +57,7 @@ pub enum Action {
     CutTorque,
 }
 
-/// Transition function. Faults react according to their severity; commands and progress have transitions of their own.
+/// Transition function. Faults react according to their severity; commands and progress have separate transitions.
 pub fn step(state: State, event: Event) -> (State, Action) {
     use Action as A;
     use Event as E;

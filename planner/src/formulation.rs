@@ -116,7 +116,7 @@ pub struct Structure {
     pattern: Pattern,
     /// Slots of the timeline, which map derivatives to columns.
     timeline: Vec<TimelineSample>,
-    /// Contact flags, `[timeline sample][end effector]`, which decide which rows there are.
+    /// Contact flags, `[timeline sample][end effector]`. They determine the rows of the system.
     stance: Vec<Vec<bool>>,
     columns: Columns,
 }

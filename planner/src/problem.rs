@@ -65,7 +65,7 @@ pub struct Problem {
     pub at_rest: bool,
     /// Flags of the slot entries that are not optimised: `[slot][variable]`.
     pub frozen: Vec<Vec<bool>>,
-    /// Place of the base at the first sample.
+    /// Placement of the base at the first sample.
     pub start: Placement,
     /// True if the placement (D, ψ) is optimised.
     pub placement_free: bool,

@@ -113,7 +113,7 @@ pub struct HorizonPlan {
     pub plan: Plan,
     /// Pose of the plan's world in the world.
     pub world_from_plan: Isometry3<f64>,
-    /// End effector without a steppable place near its landing. Such a plan is not accepted.
+    /// End effector without a steppable position near its landing. Such a plan is not accepted.
     pub without_foothold: Option<usize>,
 }
 

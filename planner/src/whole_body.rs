@@ -16,7 +16,7 @@ pub struct WholeBody {
     inverse: InverseDynamics,
 }
 
-/// State of the robot at a time of its plan, in the world.
+/// State of the robot in the world at one time of its plan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Instant {
     /// Pose and velocity.

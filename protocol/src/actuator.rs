@@ -327,7 +327,7 @@ impl ActuatorStatus {
     pub const ENABLED: u8 = 1 << 0;
     /// The torque is at its limit.
     pub const TORQUE_LIMITED: u8 = 1 << 1;
-    /// The actuator reached a position limit of its own.
+    /// The actuator is at its own position limit.
     pub const POSITION_LIMITED: u8 = 1 << 2;
     /// Set-point timeout: torque is off until the actuator is disabled and enabled again.
     pub const TIMED_OUT: u8 = 1 << 3;

@@ -1,4 +1,4 @@
-//! Figures 2.8 and 2.5 of the thesis: step-by-step repair of designs that cannot do their motion.
+//! Figures 2.8 and 2.5 of the thesis: step-by-step repair of designs that cannot perform their motion.
 //!
 //! The car of sec. 2.5.1 has front wheels that are tilted by 45 degrees and hang above the ground. The walker has legs of 0.23
 //! m, and its body is required to rise higher. The thesis reports the number of steps of its method; its energies are for other

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use rollwalk_planner::export::{Rate, Table};
 use rollwalk_planner::plan::Plan;
 
-/// A plan sampled at a rate: T rows of J joints and E end effectors, in the world frame with z up. The motion begins near the
+/// A plan sampled at a rate, in the world frame with z up: T samples, J joints, E end effectors. The motion begins near the
 /// origin.
 ///
 /// The last row of a periodic motion is the one before the period repeats; other motions include both ends.

@@ -35,7 +35,8 @@ pub struct RunOutcome {
     pub planned: PlannedDisplacement,
     /// Displacement of the motion, or of each period.
     pub cycles: Vec<NetDisplacement>,
-    /// Ratio of the final height of the centre of mass to the planned one; `None` for motions that stay on their feet.
+    /// Ratio of the final height of the centre of mass to the planned one; `None` unless the robot lies on its body during the
+    /// motion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub height: Option<f64>,
     /// Time at which the robot fell, s; `None` if it did not fall.
@@ -190,7 +191,7 @@ pub(crate) struct Tracker {
     fell_at_s: Option<f64>,
     obstacle_watch: Option<ObstacleWatch>,
     collision: Option<ObstacleContact>,
-    /// Planned final height of the centre of mass, m, of a motion that lies on its body.
+    /// Planned final height of the centre of mass, m; `None` unless the robot lies on its body during the motion.
     planned_height_m: Option<f64>,
     steps: u64,
     iterations: u64,

@@ -50,22 +50,22 @@ impl<'a> Script<'a> {
         self.spline.duration_s()
     }
 
-    /// Planned position of the body's origin, m, and world-from-body rotation, at a time of the motion, s.
+    /// Planned position of the body's origin, m, and world-from-body rotation at `time_s` of the motion.
     pub fn base(&self, time_s: f64) -> (Vector3<f64>, Matrix3<f64>) {
         base(&self.spline.sample(time_s))
     }
 
-    /// Planned joint angles at a time of the motion, rad.
+    /// Planned joint angles at `time_s` of the motion, rad.
     pub fn joint_rad(&self, time_s: f64) -> Vec<f64> {
         self.spline.sample(time_s).joint_rad
     }
 
-    /// Planned centre of mass at a time of the motion, m. Times of a periodic motion continue over all periods.
+    /// Planned centre of mass at `time_s` of the motion, m. Times of a periodic motion continue over all periods.
     pub fn com(&self, time_s: f64) -> Vector3<f64> {
         self.spline.sample(time_s).com_m.into()
     }
 
-    /// Planned joint torques at a time of the motion, N·m.
+    /// Planned joint torques at `time_s` of the motion, N·m.
     pub fn joint_torques_nm(&self, time_s: f64) -> Vec<f64> {
         self.spline.sample(time_s).joint_torque_nm
     }
@@ -106,7 +106,7 @@ impl<'a> Script<'a> {
         state
     }
 
-    /// Control law of each motor at a time of the motion, s, in channel order. Gains and limits are those of the robot file.
+    /// Control law of each motor at `time_s` of the motion, in channel order. Gains and limits are those of the robot file.
     pub fn laws(&self, time_s: f64) -> Vec<Law> {
         let setpoints = self.spline.setpoints(time_s);
         let sample = self.spline.sample(time_s);

@@ -152,7 +152,7 @@ impl<'p> Leg<'p> {
         cycles * self.script.duration_s()
     }
 
-    /// Position and heading of the body at a time of the plan, on the ground.
+    /// Position and heading of the body on the ground at `time_s` of the plan.
     fn ground_pose(&self, time_s: f64) -> Isometry3<f64> {
         let (position_m, rotation) = self.script.base(time_s);
         ground_pose(&position_m, &rotation)

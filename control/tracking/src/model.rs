@@ -81,7 +81,7 @@ impl Default for Costs {
     }
 }
 
-/// Linear system at a time of the plan, in continuous time and in axes of the heading.
+/// Linear model at one time of the plan, in continuous time and in heading axes.
 #[derive(Clone, Debug)]
 pub(crate) struct Moment {
     /// Planned heading of the body, rad.

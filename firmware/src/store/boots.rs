@@ -2,9 +2,9 @@
 //!
 //! [`Controller::require_key`]: crate::Controller::require_key
 //!
-//! Each boot appends one record to a [log](super::log) of its own, and the log's generation is the count. The count rises with
-//! each attempt to write. A record that was torn by a power cut may be readable at one boot and fade later. Its count is still
-//! not reused, because the boot that could read it has written a higher one.
+//! Each boot appends one record to a separate [log](super::log), and the log's generation is the count. The count rises with each
+//! attempt to write. A record that was torn by a power cut may be readable at one boot and fade later. Its count is still not
+//! reused, because the boot that could read it has written a higher one.
 //!
 //! Pages of 2 KiB hold 64 records. Three pages are erased once in 192 boots, and last for 1.9 million boots if each endures
 //! 10,000 erasures.

@@ -1,6 +1,6 @@
 //! Gains and limits that survive a power cycle.
 //!
-//! A set is one record of a [log](super::log) of its own. After an interrupted write, either the previous set or the new one is
+//! A set is one record of a separate [log](super::log). After an interrupted write, either the previous set or the new one is
 //! there, never a mixture. A record has 320 bytes, little-endian:
 //!
 //! | offset | field | value |

@@ -163,7 +163,7 @@ pub struct FallWatch {
     up: Vector3<f64>,
     /// Ground normal in body axes at the start. Robots may start tilted, and then lean in another direction after a turn.
     start_up_in_body: Vector3<f64>,
-    /// Height of the centre of mass of the standing robot above the ground, m; 0 for a motion that lies on its body.
+    /// Height of the centre of mass of the standing robot above the ground, m; 0 if the motion lays the robot on its body.
     upright_m: f64,
     /// Height at which the robot began, at most `upright_m`, m.
     begin_m: f64,
@@ -210,7 +210,7 @@ impl FallWatch {
     }
 
     /// Returns the fall of a robot that has tilted by more than 1 rad, or whose centre of mass is below 0.4 of its starting
-    /// height. A motion that lies on its body only tilts.
+    /// height. If the motion lays the robot on its body, only the tilt counts.
     pub fn check(&self, world: &World) -> Option<Fall> {
         let (_, rotation) = world.base();
         let cosine = (rotation.transpose() * self.up).dot(&self.start_up_in_body);

@@ -29,7 +29,7 @@
 //! minimise = { peak_joint_speed = 1.0 }
 //! keep = { peak_joint_torque_nm = 1.8 }
 //!
-//! [repair]                    # if the robot cannot do a motion
+//! [repair]                    # if the robot cannot perform a motion
 //! pull = 3e-3                 # price of a change; larger prices give smaller and more even changes
 //! ```
 

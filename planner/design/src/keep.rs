@@ -28,7 +28,7 @@ const TAKEN_BACK: f64 = 1.0;
 /// samples of `plans`. It is neither refined nor rounded.
 ///
 /// # Errors
-/// If a plan has no derivatives, an intermediate robot cannot do a motion, or the caller stops the work.
+/// If a plan has no derivatives, an intermediate robot cannot perform a motion, or the caller stops the work.
 pub fn keep(
     designed: &Designed,
     plans: &Plans,

@@ -117,7 +117,7 @@ pub fn merit_of(designed: &Designed, goal: &Goal, plans: &Plans, original: &Plan
 /// Optimises a design, starting from plans of the original. `each` receives every accepted step.
 ///
 /// # Errors
-/// If the original robot cannot do a motion, its plans have no derivatives, or the caller stops the work.
+/// If the original robot cannot perform a motion, its plans have no derivatives, or the caller stops the work.
 pub fn optimise(
     designed: &Designed,
     plans: &Plans,

@@ -38,7 +38,7 @@ pub enum PlansError {
     /// The robot is invalid at the given values of the parameters.
     #[error(transparent)]
     Robot(#[from] DocumentError),
-    /// The robot cannot do a motion, so that the plan has no derivatives.
+    /// The robot cannot perform a motion, so its plan has no derivatives.
     #[error("the robot as designed cannot perform `{motion}`: {reason}")]
     CannotDo {
         /// Name of the motion.
@@ -71,10 +71,10 @@ impl Plans {
             .all(|plan| plan.solve.status.is_solved() && Report::new(plan).judgement.is_good())
     }
 
-    /// Checks that the robot can do all of its motions.
+    /// Checks that the robot can perform all of its motions.
     ///
     /// # Errors
-    /// Returns the first motion that the robot cannot do.
+    /// Returns the first motion that the robot cannot perform.
     pub fn all_solved(&self) -> Result<(), PlansError> {
         let lost = self.plans().find(|plan| !plan.solve.status.is_solved());
         lost.map_or(Ok(()), |plan| Err(cannot(plan)))
@@ -187,7 +187,7 @@ fn named(motion: &Motion) -> &str {
     &motion.name
 }
 
-/// Outcome of the repair of a design that cannot do its motions.
+/// Outcome of the repair of a design that cannot perform its motions.
 #[derive(Clone, Debug)]
 pub enum RepairOutcome {
     /// Success at changed values.
@@ -197,7 +197,7 @@ pub enum RepairOutcome {
         /// Intermediate designs; the first is the original one.
         steps: Vec<repair::Step>,
     },
-    /// Failure: no design within the bounds can do the motions.
+    /// Failure: no design within the bounds can perform the motions.
     Nearest(repair::NearestDesign),
 }
 

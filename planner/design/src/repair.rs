@@ -1,8 +1,8 @@
 //! Repair: smallest change within the bounds that makes infeasible motions feasible (thesis 2.5.5, Fig. 2.8).
 //!
-//! A design that cannot do a motion has no optimum to differentiate. It has a point of least constraint violation, whose energy
-//! has a derivative with respect to every parameter ([`Shortfall`]). Newton's method minimises the sum of these energies over
-//! the parameters. The bounds limit each step, and so does a trust region of two units (2 cm):
+//! A design that cannot perform a motion has no optimum to differentiate. It has a point of least constraint violation, whose
+//! energy has a derivative with respect to every parameter ([`Shortfall`]). Newton's method minimises the sum of these energies
+//! over the parameters. The bounds limit each step, and so does a trust region of two units (2 cm):
 //!
 //! ```text
 //! min_p  Σ_motions min_m E(m, p; s)  +  pull Σ ((p − p₀) / unit)²
@@ -122,7 +122,7 @@ pub struct Repair {
 pub enum Feasibility {
     /// Converged plans of all motions. A plan may still fail the checks as played; its status shows this.
     Feasible(Vec<Solution>),
-    /// Failure: no design near the best one within the bounds can do the motions.
+    /// Failure: no design near the best one within the bounds can perform the motions.
     Nearest(NearestDesign),
     /// The caller stopped the work.
     Interrupted,

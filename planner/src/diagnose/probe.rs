@@ -30,8 +30,8 @@ const FALLING_STEPS: usize = 4;
 /// Number of initial energies that are ignored. Multipliers keep a solve away from the point with the least violation, and the
 /// first steps lead back to it.
 const SETTLING: usize = 2;
-/// Worst residual-to-tolerance ratio that counts as far off at the first probe. No shipped motion reaches it. Each later probe
-/// requires [`PATIENCE`] times more, because multipliers may have led a slow solve away.
+/// Worst residual-to-tolerance ratio above which the first probe returns [`Verdict::FarOff`]. No shipped motion reaches it. Each
+/// later probe requires [`PATIENCE`] times more, because multipliers may have led a slow solve away.
 const FAR_LEVEL: f64 = 30.0;
 /// Worst residual-to-tolerance ratio above which a solve is probed again.
 const DOUBTFUL_LEVEL: f64 = 1.0;
@@ -70,7 +70,7 @@ impl Default for Schedule {
 /// Probe that is due.
 #[derive(Clone, Copy, Debug)]
 pub struct DueProbe {
-    /// Worst residual-to-tolerance ratio that counts as far off.
+    /// Worst residual-to-tolerance ratio above which the probe returns [`Verdict::FarOff`].
     pub far_level: f64,
     /// True if a solve that is merely stuck should continue. Some such solves converge after more iterations.
     pub is_early: bool,
@@ -93,7 +93,7 @@ impl Schedule {
         (level > doubtful).then_some(DueProbe { far_level, is_early: false })
     }
 
-    /// Returns the level that counts as far off at the end of a solve.
+    /// Returns the worst residual-to-tolerance ratio above which a probe at the end of a solve returns [`Verdict::FarOff`].
     pub fn far_level(&self) -> f64 {
         self.far_level
     }
@@ -114,7 +114,7 @@ pub struct FeasibilityProbe<'a> {
     pub system: &'a System<'a>,
     /// Iterations left for the solve.
     pub most_steps: usize,
-    /// Worst residual-to-tolerance ratio that counts as far off.
+    /// Worst residual-to-tolerance ratio above which the probe returns [`Verdict::FarOff`].
     pub far_level: f64,
 }
 

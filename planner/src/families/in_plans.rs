@@ -1,4 +1,4 @@
-//! Catalogue of families in every plan, so that a check in another language needs no table of its own.
+//! Catalogue of families in every plan, so that a check in another language needs no copy of the table.
 
 use super::{AGREEMENT, CLEARANCE_M, Family, FamilySet, Kind, Level, ROLLING_SIGN_WIDTH_M_S};
 use rollwalk_robot::GRAVITY_M_S2;

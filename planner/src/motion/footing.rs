@@ -180,7 +180,7 @@ impl Footing {
         self.terrain().map_or(&[], |terrain| &terrain.obstacles)
     }
 
-    /// Returns true if the ground has edges, so that footholds and swings need rows of their own.
+    /// Returns true if the ground has edges, which add constraint rows for footholds and swings.
     pub fn has_edges(&self) -> bool {
         let Self::Terrain(maps) = self else { return false };
         !maps.steppable.is_empty() || matches!(maps.terrain.shape, Shape::Profile(_))

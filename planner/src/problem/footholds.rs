@@ -56,8 +56,8 @@ impl Problem {
         pose.end_effectors.iter().map(|mount| mount.center.xy()).collect()
     }
 
-    /// Place of a nominal contact when the body is half-way through a stance. Stances at the ends of a motion at rest begin and
-    /// end with the motion.
+    /// Position of a nominal contact when the body is half-way through a stance. Stances at the ends of a motion at rest begin
+    /// and end with the motion.
     fn middle_of_stance(&self, nominal: &Vector2<f64>, from: usize, until: usize) -> Vector2<f64> {
         let first_and_last = [1, self.samples];
         let middle = match (self.at_rest, from <= first_and_last[0], until >= first_and_last[1]) {

@@ -10,7 +10,7 @@ use rollwalk_multibody::euler::Model;
 /// Inputs of a horizon.
 #[derive(Clone, Debug)]
 pub struct HorizonGoal {
-    /// Place of the base at the first sample.
+    /// Placement of the base at the first sample.
     pub start: Placement,
     /// Heights of contact points above the ground `[sample][end effector]`, m: 0 in stance.
     pub height_m: Vec<Vec<f64>>,

@@ -18,7 +18,7 @@ use rollwalk_multibody::{Frames, RimContact, State, Tree};
 pub(super) struct Landing {
     /// Sample of the landing.
     at: i64,
-    /// Planned place of the middle of the stance, m.
+    /// Planned position of the contact in the middle of the stance, m.
     near: Vector2<f64>,
 }
 
@@ -28,7 +28,7 @@ pub(super) struct Footholds<'a> {
     pub layout: &'a Layout,
     pub gait: &'a Gait,
     pub ground: &'a Footing,
-    /// Places of the body at the samples of the horizon, and one interval later.
+    /// Placements of the body at the samples of the horizon, and one interval later.
     pub path: &'a [Placement],
     /// First sample, and its index in the gait.
     pub at: i64,
@@ -43,7 +43,7 @@ pub(super) struct Assignment {
     pub contacts: Vec<Vec<ContactGround>>,
     /// Landings to come.
     pub landings: Vec<Option<Landing>>,
-    /// End effector that lands where no place nearby is steppable.
+    /// End effector without a steppable position near its landing.
     pub without_foothold: Option<usize>,
 }
 
@@ -124,7 +124,7 @@ impl Footholds<'_> {
         ContactGround { map, borders, foothold: None }
     }
 
-    /// Ground of a stance that is planned near a place.
+    /// Ground of a stance planned near the position `near`.
     fn next(&self, j: usize, near: Vector2<f64>, patch: Option<Patch>) -> ContactGround {
         let place = patch.as_ref().map_or(near, |patch| patch.nearest(&near)).push(0.0);
         let below = match &patch {
@@ -142,7 +142,7 @@ impl Footholds<'_> {
         }
     }
 
-    /// Planned place of a stance of `samples` samples from sample `from`, m.
+    /// Planned contact position of a stance that starts at sample `from` and lasts `samples` samples, m.
     fn near(&self, j: usize, from: usize, is_cut: bool, samples: usize) -> Vector2<f64> {
         let rows = &self.gait.motion.stance;
         let standing = rows.iter().filter(|row| row[j]).count();
@@ -162,7 +162,7 @@ impl Footholds<'_> {
         turned + Vector2::from(place.offset_m)
     }
 
-    /// Place of the body at a sample. After the horizon, the body continues at its last velocity.
+    /// Placement of the body at a sample. After the horizon, the body continues at its last velocity.
     fn place(&self, sample: usize) -> Placement {
         let last = self.path.len() - 1;
         if sample <= last {

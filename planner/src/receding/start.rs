@@ -43,8 +43,8 @@ impl InitialState {
     }
 }
 
-/// Places of the body at the samples of a steered horizon, one interval apart, that begins at `place`. `velocity` is the present
-/// velocity: along the heading and to the left, m/s, and yaw rate, rad/s. It approaches the steered one.
+/// Placements of the body at the samples of a steered horizon that begins at `place`, one interval apart. `velocity` is the
+/// present velocity: along the heading and to the left, m/s, and yaw rate, rad/s. It approaches the steered one.
 pub(super) fn path(
     steering: &[[f64; 3]],
     velocity: [f64; 3],

@@ -274,7 +274,7 @@ impl Shortfall {
         Self::near(problem, design.motion, unknowns, self.held.clone(), progress)
     }
 
-    /// Minimises again with the violations turned into multipliers. Violations then shrink if the design can do the motion.
+    /// Minimises again with the violations turned into multipliers. Violations then shrink if the design can perform the motion.
     ///
     /// # Errors
     /// Returns an error if no minimum is found, or if `progress` stopped the search.
@@ -295,7 +295,7 @@ impl Shortfall {
         Self::near(problem, &self.motion, unknowns, held, progress)
     }
 
-    /// Plans the motion from this point with the planner's solver. The plan converges if the design can do the motion.
+    /// Plans the motion from this point with the planner's solver. The plan converges if the design can perform the motion.
     pub fn replan(&self, options: &Options, progress: &mut Watch<'_>) -> Solution {
         let mut problem = self.problem.clone();
         problem.layout = Layout::new(&problem.model);

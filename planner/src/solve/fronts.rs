@@ -2,10 +2,9 @@
 //!
 //! Slots are eliminated one after the other, the columns of each together. They form a *front*: a dense block of its pivots and
 //! of the later columns that they couple, its *border*. Variables that do not couple slots with each other, such as ground
-//! forces, form fronts of their own before their slot. The update matrix of a front on its border is added to the front whose
-//! pivots contain the start of the border (multifrontal method: Duff and Reid, 1983). In a periodic motion, the last slots are
-//! in the border of every front: a ring is a chain with a wide border. The pattern of the rows alone determines the coupled
-//! columns.
+//! forces, form separate fronts before their slot. The update matrix of a front on its border is added to the front whose pivots
+//! contain the start of the border (multifrontal method: Duff and Reid, 1983). In a periodic motion, the last slots are in the
+//! border of every front: a ring is a chain with a wide border. The pattern of the rows alone determines the coupled columns.
 //!
 //! A general sparse factorisation with an order of minimum fill cuts these matrices into many small blocks, and took three
 //! times as long.

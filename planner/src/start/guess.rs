@@ -165,7 +165,8 @@ pub(crate) fn onto_footholds(problem: &Problem, i: usize, vars: &mut DVector<f64
     }
 }
 
-/// Place of a swing on the straight line between the footholds before and after it. `None` if one of them is not planned.
+/// Position of a swing foot on the straight line between the footholds before and after the swing. `None` if one of them is not
+/// planned.
 fn between_footholds(problem: &Problem, t: usize, j: usize) -> Option<Vector3<f64>> {
     let stands = |t: &usize| problem.stance[*t][j];
     let from = (1..t).rev().find(stands)?;

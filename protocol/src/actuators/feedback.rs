@@ -49,7 +49,7 @@ impl Faults {
     pub const OVERCURRENT: Faults = Faults(1 << 3);
     /// Position sensor failed.
     pub const SENSOR: Faults = Faults(1 << 4);
-    /// Stopped by an emergency stop of its own protocol.
+    /// Stopped by an emergency stop of the drive's protocol.
     pub const ESTOPPED: Faults = Faults(1 << 5);
     /// Command refused by the actuator.
     pub const REFUSED: Faults = Faults(1 << 6);

@@ -164,7 +164,7 @@ pub enum UpdatePolicy {
     EverySetpoint,
     /// Sent once, in a separate command.
     Stored,
-    /// The controller never sends the value, or the drive has units of its own for it.
+    /// The controller never sends the value, or the drive uses other units.
     Never,
 }
 

@@ -14,7 +14,7 @@ pub struct Traffic {
     pub bits_per_period: u32,
     /// Time per control period in which the line waits for servos to begin their answers, µs.
     pub waiting_us_per_period: u32,
-    /// Bits per second of messages that actuators send on timers of their own.
+    /// Bits per second of messages that actuators send on their own timers.
     pub bits_per_s: u32,
 }
 

@@ -136,7 +136,7 @@ struct Site<'a> {
 }
 
 impl Site<'_> {
-    /// Bodies with their root axes, and wheels as bodies of their own.
+    /// Bodies with their root axes, and wheels as separate bodies.
     fn open(&self, locks: &[(usize, f64)]) -> Bodies {
         let rigid = Rigid { locked: locks.iter().copied().collect(), ..Rigid::default() };
         merge(self.urdf, self.graph, self.tree, &rigid, &mut Notes::new("", ""))

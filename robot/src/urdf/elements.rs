@@ -20,7 +20,7 @@ pub(super) struct Reader<'n, 't> {
     pub notes: &'n mut Notes<'t>,
 }
 
-/// Place of the start tag of an element.
+/// Location of the start tag of an element in the text.
 pub(super) fn tag(node: Node<'_, '_>) -> Span {
     let range = node.range();
     let text = &node.document().input_text()[range.clone()];

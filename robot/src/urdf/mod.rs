@@ -52,7 +52,7 @@ pub struct Imported {
     pub toml: String,
     /// Robot of this file.
     pub robot: Robot,
-    /// Warnings about changes and assumptions, each with its place.
+    /// Warnings about changes and assumptions, each with its location.
     pub warnings: Vec<String>,
 }
 
@@ -68,7 +68,7 @@ pub struct Text<'t> {
 /// Converts a URDF and a side file to a robot file.
 ///
 /// # Errors
-/// All faults of the URDF or of the side file, each with its place and a help line.
+/// All faults of the URDF or of the side file, each with its location and a help line.
 pub fn import(urdf: Text<'_>, side: Text<'_>) -> Result<Imported, DocumentError> {
     let text = xml::checked(urdf.name, urdf.text)?;
     let mut notes = Notes::new(urdf.name, &text);

@@ -1,4 +1,4 @@
-//! Links and joints of a robot in the terms of URDF, with their places in the text. Names are not resolved yet.
+//! Links and joints of a robot in the terms of URDF, with their locations in the text. Names are not resolved yet.
 
 use crate::document::Span;
 use crate::file::parts::MassProperties;

@@ -51,7 +51,7 @@ struct Scanner<'t> {
     found: Scan<'t>,
 }
 
-/// Exceeded bound: place, message and help.
+/// Exceeded bound: location, message and help.
 type Excess = (Span, String, String);
 
 /// Scans a text up to the first syntax error.

@@ -131,7 +131,7 @@ pub(super) fn read(document: &Document<'_>) -> Option<Side> {
     })
 }
 
-/// Name with its place.
+/// Name with its location in the text.
 fn named(table: &Table<'_>, key: &'static str) -> Option<(String, Span)> {
     Some((table.string(key)?, table.span_of(key)))
 }

@@ -12,7 +12,7 @@ use std::time::Duration;
 /// Engine that runs shards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Engine {
-    /// GNU parallel, on this machine or the machines of its own configuration.
+    /// GNU parallel, on this machine or the machines in its configuration.
     Parallel,
     /// Array job of Slurm.
     Slurm,

@@ -1,7 +1,7 @@
 """Motions of robots with legs and wheels: plan, plan again, report, sample, build libraries, simulate, design.
 
 Names of numbers end with their SI unit: `speed_rad_s`, `force_n`. In the world, x is forward, y left and z up;
-quaternions have w first. Arrays are NumPy arrays. The documentation names their axes by letters: T rows of time, J
+quaternions have w first. Arrays are NumPy arrays. The documentation names their axes by letters: T samples, J
 joints, E end effectors. The tutorial is docs/python.md in Rollwalk's repository.
 """
 

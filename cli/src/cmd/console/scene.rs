@@ -9,7 +9,7 @@ use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::names::{self, NamesArgs};
 use rollwalk_terminal::validated_library::{self, ValidatedLibrary, actuators, channel_names};
 
-/// Letters that play motions. Digits play the motions with these command codes; all other letters have a function of their own.
+/// Letters that play motions. Digits play the motions with these command codes; all other letters are commands of the console.
 const LETTERS: &str = "befghijklmnostuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ";
 
 /// Content of the screen.

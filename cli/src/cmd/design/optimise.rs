@@ -12,10 +12,10 @@ use std::path::PathBuf;
 /// Find the parameters within their bounds that minimise the design's goal.
 ///
 /// The `[goal]` of the design file lists quantities to minimise, and bounds to keep. Several motions are optimised together
-/// (thesis 2.5.3). A robot that cannot do a motion is repaired first, by the smallest changes that make the motion feasible;
+/// (thesis 2.5.3). A robot that cannot perform a motion is repaired first, by the smallest changes that make the motion feasible;
 /// without `[goal]` the command ends there. If no design within the bounds is better, the robot stays as it is. The command
-/// writes the same files as `rollwalk design edit`, with a table of all design steps. The exit code is 3 if no design within
-/// the bounds can do the motions, if a motion fails its checks in simulation afterwards, or if a quantity under `keep` exceeds
+/// writes the same files as `rollwalk design edit`, with a table of all design steps. The exit code is 3 if no design within the
+/// bounds can perform the motions, if a motion fails its checks in simulation afterwards, or if a quantity under `keep` exceeds
 /// its bound.
 #[derive(clap::Args)]
 #[command(after_long_help = "\

@@ -190,7 +190,7 @@ pub struct DesignOutput {
     /// Designs of `optimise` up to the first that can do all motions; empty if the original one can.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "repairs")]
     pub repairs: Vec<repair::Step>,
-    /// Intermediate designs that could not do a motion.
+    /// Intermediate designs that could not perform a motion.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub lost: Vec<String>,
 }

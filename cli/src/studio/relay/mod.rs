@@ -35,9 +35,9 @@ const BUSY_US: u64 = 200;
 const FRAMES_MAX: usize = 64;
 /// Maximum time for which a closed port stays in use, until its receiving thread ends.
 const CLOSING: Duration = Duration::from_millis(200);
-/// Timeout for a page's answer to a farewell.
+/// Timeout for a page's answer to a close frame.
 const FAREWELL: Duration = Duration::from_secs(1);
-/// Maximum length of the reason in a closing frame, bytes (RFC 6455, 5.5).
+/// Maximum length of the reason in a close frame, bytes (RFC 6455, 5.5).
 const REASON_MAX: usize = 123;
 
 /// Bus that pages may use.
@@ -184,7 +184,7 @@ fn would_block<T>(outcome: tungstenite::Result<T>) -> Result<Option<T>, RelayEnd
     }
 }
 
-/// Closes a socket with a reason, shortened to the maximum of a closing frame.
+/// Closes a socket with a reason, shortened to the maximum of a close frame.
 fn close_with_reason(socket: &mut WebSocket<TcpStream>, why: &str) {
     let reason = why[..why.floor_char_boundary(REASON_MAX)].to_owned();
     let frame = CloseFrame { code: CloseCode::Policy, reason: reason.into() };

@@ -7,9 +7,9 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
-/// Value `ARPHRD_CAN` of `type`, for CAN interfaces.
+/// Value `ARPHRD_CAN` of the file `type` of a CAN interface.
 const TYPE_CAN: &str = "280";
-/// Flag `IFF_UP` in `flags` of a network interface.
+/// Flag `IFF_UP` in the file `flags` of a network interface.
 const UP: u32 = 1;
 /// Default bitrate of the link, bit/s.
 pub const DEFAULT_BITRATE: u32 = 1_000_000;
@@ -30,7 +30,7 @@ pub struct Interface {
     pub name: String,
     /// True if the interface is up.
     pub is_up: bool,
-    /// True for `vcan` and `slcan`, which have no network hardware of their own.
+    /// True for `vcan` and `slcan`, which have no network hardware.
     pub is_virtual: bool,
     /// Bitrate, bit/s; `None` for virtual interfaces and some drivers.
     pub bitrate: Option<u32>,

@@ -1,5 +1,5 @@
-//! Start of the motion at its place in the world: x₁, y₁ and yaw₁ of the base. Three rows per motion, m and rad. Without them,
-//! any plan could be shifted and turned in the ground plane.
+//! Start placement of the motion in the world: x₁, y₁ and yaw₁ of the base. Three rows per motion, m and rad. Without them, any
+//! plan could be shifted and turned in the ground plane.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
@@ -7,7 +7,7 @@ use crate::formulation::{Span, Term, TermInfo};
 use crate::plan::Placement;
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW};
 
-/// Constraint: start of the base at its place, which is the origin with heading 0 except for horizons on terrain.
+/// Constraint: start placement of the base. It is the origin with heading 0, except for horizons on terrain.
 pub struct Anchor;
 
 impl Term for Anchor {

@@ -1,6 +1,6 @@
 //! Angular centroidal dynamics (Eq. 2.4) in the mean around every sample ([`MeanWeights`]), in the world frame: m − (A⁺ − A⁻)/h²
-//! = 0. m is the mean (m₋ + 4m + m₊)/6 of Σ (e − x) × f. Three rows per sample, N·m. The moments are variables of their own,
-//! defined by three more rows.
+//! = 0. m is the mean (m₋ + 4m + m₊)/6 of Σ (e − x) × f. Three rows per sample, N·m. The moments are separate variables, defined
+//! by three more rows.
 //!
 //! A⁻ and A⁺ are the moments that the robot sweeps in the intervals before and after the sample ([`SweptMoment`]): A/h is the
 //! mean angular momentum of the interval. The thesis uses one body with the inertia of the nominal pose instead, which omits

@@ -1,6 +1,6 @@
 //! Linear centroidal dynamics (Eq. 2.3) in the mean around every sample ([`MeanWeights`]): Σ f + M g − M ẍ = 0. Here f is the
 //! mean (f₋ + 4f + f₊)/6, and ẍ the second difference of the centre of mass. Three rows per sample, N, in the world frame. The
-//! sums of forces are variables of their own, defined by three more rows.
+//! sums of forces are separate variables, defined by three more rows.
 //!
 //! [`MeanWeights`]: crate::problem::MeanWeights
 

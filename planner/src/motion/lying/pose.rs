@@ -1,4 +1,4 @@
-//! Pose of a robot on its body: the body level on its lowest points, the feet on the ground near the places where they stand, and
+//! Pose of a robot on its body: the body level on its lowest points, the feet on the ground near their standing positions, and
 //! the limbs clear of each other and of the ground.
 //!
 //! Limbs are independent, because the body does not move. Each limb is searched on a grid of its joint angles; the best points
@@ -37,7 +37,7 @@ const STEPS: usize = 40;
 const DAMPING_MAX: f64 = 1e8;
 /// Step of joint angles for differences, rad.
 const DIFFERENCE_RAD: f64 = 1e-6;
-/// Deviation from what the pose must meet up to which it counts as met, per standing height. The plan meets it exactly.
+/// Largest accepted deviation of the pose from its conditions, as a fraction of the standing height. The plan meets it exactly.
 const TOLERANCE: f64 = 0.02;
 
 /// Pose of a robot on its body.
@@ -65,7 +65,7 @@ struct Limb<'m> {
     driven: Vec<usize>,
     feet: Vec<usize>,
     pairs: Vec<&'m Pair>,
-    /// Places of the feet of the standing robot, m, and axes of their wheels.
+    /// Contact position, m, and wheel axis of each foot or wheel of the standing robot.
     nominal: Vec<[Vector3<f64>; 2]>,
     height_m: f64,
 }
@@ -120,7 +120,7 @@ fn contact(model: &Model, frames: &Frames, j: usize) -> Vector3<f64> {
     rim.map_or_else(|| frames.point(end.link, &end.center_in_link_m), |rim| rim.position())
 }
 
-/// Axis of a wheel; 0 for a foot.
+/// Axis of a wheel in world axes; zero for a foot.
 fn axis_of(model: &Model, frames: &Frames, j: usize) -> Vector3<f64> {
     let axis_in_link = model.wheel_axis_in_link(j).unwrap_or_default();
     frames.world_from_link[model.robot().end_effectors[j].link] * axis_in_link

@@ -1,4 +1,4 @@
-//! Shortfalls of designs that cannot do a motion, compared with differences of least energies. The designs are the car of
+//! Shortfalls of designs that cannot perform a motion, compared with differences of least energies. The designs are the car of
 //! thesis 2.5.1 with its tilted front wheels, and short legs below a high target.
 
 use super::*;

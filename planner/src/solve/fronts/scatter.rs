@@ -8,7 +8,7 @@ use pulp::NullaryFnOnce;
 
 /// Largest number of rows that share destinations.
 pub(in super::super) const MOST_ROWS: usize = 3;
-/// Number of columns up to which every product has a destination of its own.
+/// Number of columns up to which every product has a separate destination.
 const FEW: usize = 4;
 
 /// Destinations of the products of the derivatives of rows.

@@ -17,8 +17,8 @@ pub(super) struct Units {
 }
 
 impl Units {
-    /// Groups equalities and costs of one family, sample and part of the robot. An inequality forms a unit of its own, because
-    /// it contributes at some points only.
+    /// Groups equalities and costs of one family, sample and part of the robot. An inequality forms a separate unit, because it
+    /// contributes at some points only.
     pub fn new(rows: &Rows) -> Self {
         // Number of rows of each unit, and the unit of each row.
         let mut counts: Vec<u32> = Vec::with_capacity(rows.rows.len());

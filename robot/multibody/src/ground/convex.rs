@@ -98,7 +98,7 @@ pub(super) fn parts(corners: &[[f64; 2]]) -> Vec<Arc<dyn Ground>> {
 }
 
 /// Point at which the outline of a part turns straight down. Beyond the concave corner `cut`, the outline continues in direction
-/// `along`, below the neighbouring part. The point is half-way to the place at which the outline would emerge again. At a wall,
+/// `along`, below the neighbouring part. This point is half-way to the point at which the outline would emerge again. At a wall,
 /// the outline turns down at the corner.
 fn beneath(corners: &[Flat], cut: usize, along: Flat) -> Flat {
     let corner = corners[cut];

@@ -43,7 +43,7 @@ pub(in super::super) struct Heading {
     pub contradicts: bool,
 }
 
-/// Limb with its place in the root frame, joints at 0.
+/// Limb in the root frame, with all joints at 0.
 struct Limb {
     words: Vec<String>,
     hip: Vector3<f64>,

@@ -252,7 +252,7 @@ fn body<'a, 'i>(
     inner
 }
 
-/// Name and place of a joint.
+/// Name, links and frame of a joint.
 struct Ends {
     name: String,
     parent: String,

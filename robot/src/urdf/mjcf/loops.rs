@@ -17,7 +17,7 @@ use std::collections::{HashMap, HashSet};
 /// Largest sine between the axes of a loop.
 const PARALLEL: f64 = 1e-3;
 
-/// Places of bodies and sites on the links of the import.
+/// Poses of bodies and positions of sites on the links of the import.
 #[derive(Default)]
 pub struct Places {
     /// Pose of each body in its link.

@@ -9,7 +9,7 @@ use crate::urdf::names::some_names;
 use crate::urdf::toml_text::key;
 use roxmltree::Node;
 
-/// Springs and dampers that the import does not take over as they are, with the tags of their joints.
+/// Springs and dampers that the import changes or omits, with the tags of their joints.
 #[derive(Default)]
 pub struct Springs {
     /// Joints with a spring and no motor.
@@ -25,7 +25,7 @@ pub struct Springs {
 pub enum Drive {
     /// Joint without an actuator.
     None,
-    /// Position servo without damping of its own.
+    /// Position servo without a damping gain.
     Undamped,
     /// Other actuator.
     Other,

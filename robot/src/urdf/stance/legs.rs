@@ -41,7 +41,7 @@ impl Leg {
         self.hip_m.z - depth * usual * self.length_m - self.radius_m
     }
 
-    /// Place for the centre of the foot on the ground.
+    /// Target position of the foot's centre on ground at height `ground_m`, m.
     pub fn goal(&self, ground_m: f64) -> Vector3<f64> {
         let out_m = if self.is_radial { RADIAL_OUT * self.length_m } else { 0.0 };
         let mut goal = self.hip_m + self.out * out_m;
