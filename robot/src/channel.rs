@@ -4,7 +4,6 @@ use crate::GRAVITY_M_S2;
 use crate::actuator::Actuator;
 use crate::linkage::CrankMap;
 use crate::model::{EndEffector, Joint, Robot};
-use crate::rules::for_each_pose;
 use rollwalk_protocol::config::{self, ChannelKind};
 
 /// Motor-driven degree of freedom, in channel order (`docs/conventions.md`).
@@ -88,7 +87,7 @@ pub(crate) fn servo_range(joint: &Joint, robot: &Robot) -> [f64; 2] {
 fn crank_range(joint: &Joint, robot: &Robot) -> Option<[f64; 2]> {
     let crank = CrankMap::new(robot, joint, joint.linkage.as_ref()?)?;
     let mut range_rad = [f64::INFINITY, f64::NEG_INFINITY];
-    for_each_pose(robot, &crank, |joint_rad| {
+    crank.for_each_pose(robot, |joint_rad| {
         let angle_rad = crank.angle_rad(joint_rad);
         range_rad = [range_rad[0].min(angle_rad), range_rad[1].max(angle_rad)];
         true

@@ -17,6 +17,16 @@ use std::f64::consts::{PI, TAU};
 /// Largest cosine of the angle between crank and rod for which angles are computed. Beyond it, the loop does not close.
 const STRAIGHT: f64 = 0.999_999;
 
+/// Smallest sine of the angles between crank and rod, and between rod and the lever of the joint: 10 degrees. A linkage is
+/// singular where one of them is 0.
+pub(crate) const SINE_MIN: f64 = 0.17;
+/// Smallest number of angles of each joint at which a linkage is checked.
+const ANGLES: usize = 13;
+/// Largest step between these angles, rad. Within 10 degrees of a singular pose, crank and rod turn by 0.35 rad.
+const STEP_RAD: f64 = 0.2;
+/// Maximum number of joints between the servo's link and the child link.
+pub(crate) const PATH_MAX: usize = 3;
+
 /// Map from joint angles to the angle of a servo with crank and rod.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CrankMap {
@@ -96,6 +106,31 @@ impl CrankMap {
     /// Joints that turn the servo.
     pub fn joints(&self) -> impl Iterator<Item = usize> + '_ {
         self.path.iter().map(|of| of.joint)
+    }
+
+    /// Calls `visit` with joint angles in a grid over the limits of the joints that turn a servo, until it returns false.
+    pub(crate) fn for_each_pose(&self, robot: &Robot, mut visit: impl FnMut(&[f64]) -> bool) {
+        let mut joint_rad: Vec<_> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
+        let angles = |index: usize| {
+            let joint = &robot.joints[index];
+            let steps = (joint.position_max_rad - joint.position_min_rad) / STEP_RAD;
+            (index, ANGLES.max(steps.ceil() as usize + 1))
+        };
+        let counts: Vec<_> =
+            self.path.iter().map(|of| of.joint).take(PATH_MAX).map(angles).collect();
+        for pose in 0..counts.iter().map(|(_, count)| count).product() {
+            let mut rest = pose;
+            for &(index, count) in &counts {
+                let joint = &robot.joints[index];
+                let part = (rest % count) as f64 / (count - 1) as f64;
+                joint_rad[index] =
+                    joint.position_min_rad * (1.0 - part) + joint.position_max_rad * part;
+                rest /= count;
+            }
+            if !visit(&joint_rad) {
+                return;
+            }
+        }
     }
 
     /// Map with the joints numbered 0, 1, … in path order.

@@ -1,7 +1,7 @@
 //! Comparison of the planner's CPU time with that of fatrop, a solver of optimal control problems (Vanroye et al. 2023), on one
 //! machine in one run: fatrop before and after Table 2.1.
 
-use crate::measured::Measurement;
+use crate::measurement::Measurement;
 use crate::python::Environment;
 use crate::shell;
 use serde_json::Value;

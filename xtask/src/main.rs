@@ -39,6 +39,7 @@ mod hostile;
 mod locks;
 mod markdown;
 mod measured;
+mod measurement;
 mod miri;
 mod mujoco;
 mod package;

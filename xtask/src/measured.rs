@@ -2,6 +2,7 @@
 //! processor, compiler and verdict.
 
 use crate::docs::reference;
+use crate::measurement::Measurement;
 use crate::{fatrop, replay, shell, workspace};
 use std::fmt::Write as _;
 use std::fs;
@@ -38,16 +39,6 @@ enum Source {
     Benchmark,
     Replay(replay::Table),
     Fatrop,
-}
-
-/// Result of a measurement.
-pub struct Measurement {
-    /// Tables and sentences, in Markdown.
-    pub text: String,
-    /// Command line that reproduces the measurement.
-    pub command: String,
-    /// Verdict by the rule of the command.
-    pub verdict: String,
 }
 
 /// Writes pages of [`FOLDER`].

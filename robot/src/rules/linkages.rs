@@ -1,48 +1,9 @@
 //! Rules of linkages: the loop of crank and rod closes with a margin in all poses that the limits of the joints allow.
 
 use super::{Check, Item, LENGTH_MAX_M};
-use crate::linkage::CrankMap;
-use crate::model::{Joint, Linkage, Robot};
+use crate::linkage::{CrankMap, PATH_MAX, SINE_MIN};
+use crate::model::{Joint, Linkage};
 use std::f64::consts::TAU;
-
-/// Smallest sine of the angles between crank and rod, and between rod and the lever of the joint: 10 degrees. A linkage is
-/// singular where one of them is 0.
-pub(crate) const SINE_MIN: f64 = 0.17;
-/// Smallest number of angles of each joint at which a linkage is checked.
-const ANGLES: usize = 13;
-/// Largest step between these angles, rad. Within 10 degrees of a singular pose, crank and rod turn by 0.35 rad.
-const STEP_RAD: f64 = 0.2;
-/// Maximum number of joints between the servo's link and the child link.
-pub(crate) const PATH_MAX: usize = 3;
-
-/// Calls `visit` with joint angles in a grid over the limits of the joints that turn a servo, until it returns false.
-pub(crate) fn for_each_pose(
-    robot: &Robot,
-    crank: &CrankMap,
-    mut visit: impl FnMut(&[f64]) -> bool,
-) {
-    let path: Vec<_> = crank.joints().collect();
-    let mut joint_rad: Vec<_> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
-    let angles = |&index: &usize| {
-        let joint = &robot.joints[index];
-        let steps = (joint.position_max_rad - joint.position_min_rad) / STEP_RAD;
-        (index, ANGLES.max(steps.ceil() as usize + 1))
-    };
-    let counts: Vec<_> = path.iter().take(PATH_MAX).map(angles).collect();
-    for pose in 0..counts.iter().map(|(_, count)| count).product() {
-        let mut rest = pose;
-        for &(index, count) in &counts {
-            let joint = &robot.joints[index];
-            let part = (rest % count) as f64 / (count - 1) as f64;
-            joint_rad[index] =
-                joint.position_min_rad * (1.0 - part) + joint.position_max_rad * part;
-            rest /= count;
-        }
-        if !visit(&joint_rad) {
-            return;
-        }
-    }
-}
 
 impl Check<'_> {
     /// Checks the fields of a linkage.
@@ -102,7 +63,7 @@ impl Check<'_> {
                 continue;
             }
             let mut singular = None;
-            for_each_pose(robot, &crank, |joint_rad| {
+            crank.for_each_pose(robot, |joint_rad| {
                 let sines = crank.state(joint_rad).sines;
                 if sines.iter().all(|sine| sine.abs() >= SINE_MIN) {
                     return true;

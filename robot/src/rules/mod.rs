@@ -14,8 +14,6 @@ use check::Check;
 pub(crate) use check::{ITEMS_MAX, LENGTH_MAX_M, is_a_length, length_help, show, violations};
 pub(crate) use joints::{MotorMaxima, SPEEDS_MAX_RAD_S};
 
-pub(crate) use linkages::{PATH_MAX, SINE_MIN, for_each_pose};
-
 use rollwalk_protocol::text::Excerpt;
 use std::fmt;
 

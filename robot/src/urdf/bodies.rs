@@ -6,7 +6,7 @@ use super::model::{Kind, Urdf};
 use super::notes::Notes;
 use super::tree::{Graph, Tree};
 use crate::file::parts::{MassProperties, sum};
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use std::collections::{HashMap, HashSet};
 
 /// Mass of a body without `<inertial>`, as a fraction of the robot's mass.
@@ -53,6 +53,25 @@ pub(super) struct Bodies {
 }
 
 impl Bodies {
+    /// Diagonal of the box around the origins of all links and the centres of mass of all bodies, m.
+    pub fn size_m(&self) -> f64 {
+        let mut poses = vec![Isometry3::identity(); self.bodies.len()];
+        for moving in &self.moving {
+            poses[moving.child] = poses[moving.parent] * moving.parent_from_joint;
+        }
+        let coms =
+            self.bodies.iter().zip(&poses).map(|(body, pose)| pose * Point3::from(body.mass.com_m));
+        // The frame of the body is arbitrary.
+        let body = self.bodies[0].links[0];
+        let links = self.places.iter().enumerate().filter(|(link, _)| *link != body);
+        let links = links.filter_map(|(_, place)| place.as_ref());
+        let links = links.map(|(body, pose)| poses[*body] * Point3::from(pose.translation.vector));
+        let points: Vec<_> = coms.chain(links).map(|point| point.coords).collect();
+        let none = [Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)];
+        let [low, high] = points.iter().fold(none, |[low, high], at| [low.inf(at), high.sup(at)]);
+        (high - low).norm()
+    }
+
     /// Number of joints that leave each body.
     pub fn children(&self) -> Vec<usize> {
         let mut children = vec![0; self.bodies.len()];

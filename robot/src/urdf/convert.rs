@@ -5,7 +5,7 @@ use super::draft::{Draft, DraftEnd, DraftJoint, DraftLink, DraftLinkage, Origin}
 use super::joints::ranges;
 use super::linkages::{Placed, narrow, nominal};
 use super::loads::loads;
-use super::model::{Joint, Kind, MOVING_MAX, Urdf};
+use super::model::{Joint, MOVING_MAX, Urdf};
 use super::motors::Motors;
 use super::names::{Names, allowed, some_names};
 use super::notes::Notes;
@@ -260,7 +260,7 @@ impl<'a> Conversion<'a, '_> {
             .iter()
             .map(|&index| {
                 let joint = &self.urdf.joints[self.bodies.moving[index].joint];
-                format!("{} = {}", key(&joint.name), show(locked_position(joint)))
+                format!("{} = {}", key(&joint.name), show(joint.locked_position()))
             })
             .collect();
         let help = if idle.is_empty() {
@@ -398,15 +398,4 @@ pub(super) fn idle_joints(bodies: &Bodies, tips: &[usize]) -> Vec<usize> {
         carries[moving.parent] |= carries[moving.child];
     }
     (0..bodies.moving.len()).filter(|&joint| !carries[bodies.moving[joint].child]).collect()
-}
-
-/// Position of a locked joint in the proposed side file: nearest to 0, or to the offset of a `<mimic>`, within its limits, rad
-/// or m.
-pub(super) fn locked_position(joint: &Joint) -> f64 {
-    let wanted = joint.mimics.as_ref().map_or(0.0, |mimic| mimic.offset());
-    match (joint.kind, joint.limit.lower, joint.limit.upper) {
-        (Kind::Planar | Kind::Floating, _, _) => 0.0,
-        (_, Some(lower), Some(upper)) if lower <= upper => wanted.clamp(lower, upper),
-        _ => wanted,
-    }
 }

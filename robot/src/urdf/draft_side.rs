@@ -1,7 +1,7 @@
 //! Draft of a side file: joints to lock, wheels and feet, and the axes of the body.
 
 use super::bodies::{Bodies, Rigid, merge};
-use super::convert::{idle_joints, locked_position};
+use super::convert::idle_joints;
 use super::guess::{self, Axes, End, EndKind, Heading};
 use super::model::{MOVING_MAX, Urdf};
 use super::notes::Notes;
@@ -83,7 +83,7 @@ impl Draft {
         let quiet = &mut Notes::new("", "");
         let first = site.guess(&locks, Axes { forward: first_forward(up), up }, quiet);
         let passive = guess::passive(urdf, &first.bodies, &first.axles);
-        locks.extend(passive.iter().map(|&joint| (joint, locked_position(&urdf.joints[joint]))));
+        locks.extend(passive.iter().map(|&joint| (joint, urdf.joints[joint].locked_position())));
         let first = site.guess(&locks, Axes { forward: first_forward(up), up }, quiet);
         let mut heading = site.heading(&locks, &first, up);
         heading.axes.forward = side.forward.unwrap_or(heading.axes.forward);
@@ -96,7 +96,7 @@ impl Draft {
         let second = site.guess(&locks, heading.axes, quiet);
         let channels = second.channels();
         let idle = second.idle_beyond_channels();
-        locks.extend(idle.iter().map(|&joint| (joint, locked_position(&urdf.joints[joint]))));
+        locks.extend(idle.iter().map(|&joint| (joint, urdf.joints[joint].locked_position())));
         let mut last = site.guess(&locks, heading.axes, quiet);
         let mut all_idle = idle;
         for _ in 0..ROUNDS {
@@ -106,7 +106,7 @@ impl Draft {
             }
             for joint in last.outermost_joints(excess) {
                 all_idle.push(joint);
-                locks.push((joint, locked_position(&urdf.joints[joint])));
+                locks.push((joint, urdf.joints[joint].locked_position()));
             }
             last = site.guess(&locks, heading.axes, quiet);
         }
@@ -212,7 +212,7 @@ pub(super) fn base(root: usize, draft: &Draft, stance: &Stance) -> Option<Base> 
     if !draft.ends.is_empty() {
         return None;
     }
-    let size_m = guess::size_m(&draft.bodies).max(0.1);
+    let size_m = draft.bodies.size_m().max(0.1);
     let (_, body_from_link) = draft.bodies.places[root]?;
     let below = stance.com_m - Vector3::z() * (0.5 * size_m);
     let center_m = body_from_link.inverse_transform_point(&Point3::from(below)).coords;

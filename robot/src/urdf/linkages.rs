@@ -4,8 +4,8 @@ use super::draft::{DraftJoint, DraftLinkage};
 use super::model::Linkage;
 use crate::actuator::Actuator;
 use crate::linkage::CrankMap;
+use crate::linkage::{PATH_MAX, SINE_MIN};
 use crate::model::{Joint, Robot};
-use crate::rules::{PATH_MAX, SINE_MIN, for_each_pose};
 use nalgebra::{Isometry3, Point3, Rotation3, Unit, Vector3};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -136,7 +136,7 @@ pub(super) fn narrow(joints: &mut [DraftJoint], fixed: &[bool]) -> Vec<usize> {
 /// True if a linkage keeps a little more than the margin of the rules in all poses.
 fn closes(robot: &Robot, crank: &CrankMap) -> bool {
     let mut closes = true;
-    for_each_pose(robot, crank, |joint_rad| {
+    crank.for_each_pose(robot, |joint_rad| {
         closes = crank.state(joint_rad).sines.iter().all(|sine| sine.abs() > 1.001 * SINE_MIN);
         closes
     });

@@ -149,6 +149,16 @@ pub(super) struct Limit {
 }
 
 impl Joint {
+    /// Position of the joint if it is locked, rad or m: nearest to 0, or to the offset of a `<mimic>`, within its limits.
+    pub fn locked_position(&self) -> f64 {
+        let wanted = self.mimics.as_ref().map_or(0.0, |mimic| mimic.offset());
+        match (self.kind, self.limit.lower, self.limit.upper) {
+            (Kind::Planar | Kind::Floating, _, _) => 0.0,
+            (_, Some(lower), Some(upper)) if lower <= upper => wanted.clamp(lower, upper),
+            _ => wanted,
+        }
+    }
+
     /// True for a joint that turns about an axis.
     pub fn turns(&self) -> bool {
         matches!(self.kind, Kind::Revolute | Kind::Continuous)

@@ -4,7 +4,6 @@
 //! Boxes of the body stay boxes.
 
 use super::bodies::Bodies;
-use super::guess::size_m;
 use super::model::{Link, Solid, Urdf};
 use super::names::some_names;
 use super::notes::Notes;
@@ -42,7 +41,7 @@ pub(super) fn shapes(
     down: &[Vector3<f64>],
     notes: &mut Notes<'_>,
 ) -> Vec<Vec<Shape>> {
-    let robot_m = size_m(bodies);
+    let robot_m = bodies.size_m();
     // A robot with one link has no size.
     let largest_m = if robot_m > 0.0 { BOX_MAX * robot_m } else { f64::INFINITY };
     let (mut meshes, mut shapeless) = (Vec::new(), Vec::new());

@@ -7,7 +7,7 @@ mod tracked;
 mod urdf;
 
 use crate::extent::Extent;
-use crate::measured::Measurement;
+use crate::measurement::Measurement;
 use crate::workspace;
 use crate::{mujoco, parallel, shell};
 use serde_json::{Map, Value, json};

@@ -44,25 +44,6 @@ impl Limb {
     }
 }
 
-/// Diagonal of the box around the origins of all links and the centres of mass of all bodies, m.
-pub fn size_m(bodies: &Bodies) -> f64 {
-    let mut poses = vec![nalgebra::Isometry3::identity(); bodies.bodies.len()];
-    for moving in &bodies.moving {
-        poses[moving.child] = poses[moving.parent] * moving.parent_from_joint;
-    }
-    let coms =
-        bodies.bodies.iter().zip(&poses).map(|(body, pose)| pose * Point3::from(body.mass.com_m));
-    // The frame of the body is arbitrary.
-    let body = bodies.bodies[0].links[0];
-    let links = bodies.places.iter().enumerate().filter(|(link, _)| *link != body);
-    let links = links.filter_map(|(_, place)| place.as_ref());
-    let links = links.map(|(body, pose)| poses[*body] * Point3::from(pose.translation.vector));
-    let points: Vec<_> = coms.chain(links).map(|point| point.coords).collect();
-    let none = [Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)];
-    let [low, high] = points.iter().fold(none, |[low, high], at| [low.inf(at), high.sup(at)]);
-    (high - low).norm()
-}
-
 /// Keeps the ends that stand on the ground together.
 pub(super) fn together(urdf: &Urdf, bodies: &Bodies, ends: Vec<End>) -> Vec<End> {
     let limbs = limbs(urdf, bodies, &ends);

@@ -12,11 +12,9 @@ mod heading;
 mod soles;
 
 pub(super) use axles::{across, axles};
-pub(super) use ground::size_m;
 pub(super) use heading::{Axes, Heading, forward, up};
 
 use super::bodies::{Bodies, Rigid};
-use super::convert::locked_position;
 use super::model::{Joint, Kind, Solid, Urdf};
 use super::stance::Tip;
 use super::tree::{Graph, Tree};
@@ -72,7 +70,7 @@ pub(super) fn locks(urdf: &Urdf, tree: &Tree) -> Vec<(usize, f64)> {
             joint.kind == Kind::Revolute && limit.lower.is_some() && limit.lower == limit.upper;
         let foreign = matches!(joint.kind, Kind::Prismatic | Kind::Planar | Kind::Floating);
         let follows = joint.mimics.is_some() && joint.kind != Kind::Fixed;
-        (stuck || foreign || follows).then(|| (index, locked_position(joint)))
+        (stuck || foreign || follows).then(|| (index, joint.locked_position()))
     };
     tree.order.iter().filter_map(locked).collect()
 }
@@ -104,7 +102,7 @@ pub(super) fn ends(urdf: &Urdf, graph: &Graph, bodies: &Bodies, rigid: &Rigid) -
             on_body[body].push(axle);
         }
     }
-    let size_m = size_m(bodies);
+    let size_m = bodies.size_m();
     let children = bodies.children();
     let posed = soles::Posed::new(urdf, bodies, size_m);
     let mut ends = Vec::new();

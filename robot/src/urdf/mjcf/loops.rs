@@ -5,7 +5,7 @@
 
 use super::numbers::{Element, Reader};
 use crate::file::parts::{MassProperties, sum};
-use crate::rules::PATH_MAX;
+use crate::linkage::PATH_MAX;
 use crate::urdf::bodies::placed;
 use crate::urdf::elements::tag;
 use crate::urdf::model::{Joint, Kind, Linkage, Urdf};
