@@ -12,9 +12,11 @@ const UNIT: usize = 256;
 /// Number of units of the log; each has two erase units.
 const LOG_UNITS: usize = 3;
 const FLASH_LEN: usize = LOG_UNITS * 2 * UNIT;
-/// Size of a set according to `docs/parameters.md`, bytes.
+/// Size of a set of at most 24 channels, bytes.
 const SET_LEN: usize = 320;
 const DEEDS: usize = 60;
+
+type Store = FlashParameters<Watched, SET_LEN>;
 
 /// Parameter set with a number. Sets differ from one another, and have from no channel to all channels.
 fn set(number: u8) -> ParameterSet {
@@ -27,7 +29,7 @@ fn set(number: u8) -> ParameterSet {
 
 struct Bench {
     /// Store; `None` only while it is being mounted.
-    store: Option<FlashParameters<Watched>>,
+    store: Option<Store>,
     power: Power,
     /// Sets that may be loaded; `None` for foreign flash, whose content is unknown.
     allowed: Option<Vec<Option<ParameterSet>>>,
@@ -37,11 +39,11 @@ impl Bench {
     fn new(cells: Vec<u8>, unreadable: &[u16], foreign: bool) -> Self {
         let (mut flash, power) = Watched::new(cells);
         unreadable.iter().for_each(|&at| flash.spoil(at.into()));
-        let store = FlashParameters::mount(flash).expect("sound geometry");
+        let store = Store::mount(flash).expect("sound geometry");
         Self { store: Some(store), power, allowed: (!foreign).then(|| vec![None]) }
     }
 
-    fn store(&mut self) -> &mut FlashParameters<Watched> {
+    fn store(&mut self) -> &mut Store {
         self.store.as_mut().expect("mounted")
     }
 
@@ -50,7 +52,7 @@ impl Bench {
         if !self.power.get() {
             flash.power_cycle();
         }
-        self.store = Some(FlashParameters::mount(flash).expect("sound geometry"));
+        self.store = Some(Store::mount(flash).expect("sound geometry"));
     }
 
     fn check(&mut self) {
