@@ -59,20 +59,24 @@ pub fn choose(
     duration::search(&mut candidates, motion);
     let mut with_given_footfalls = None;
     if motion.timing.free == FreeTimes::Free {
-        with_given_footfalls = candidates.best().map(|best| candidates.at(best).solution.clone());
+        with_given_footfalls = candidates.best().map(|best| {
+            let score = candidates.score(best);
+            (candidates.at(best).solution.clone(), score)
+        });
         footfalls::search(&mut candidates);
     }
     let tried = candidates.tried();
     let mut choice = candidates.finish()?;
     if !choice.holds {
         let refined = refined_solution(choice.solution.clone(), options, progress);
-        choice.refine(refined, options);
+        choice.refine(refined);
     }
     // Edited footfalls may fail with any number of samples where the given ones only need more.
-    if let Some(unedited) = with_given_footfalls.filter(|_| !choice.holds) {
+    if let Some((unedited, score)) = with_given_footfalls.filter(|_| !choice.holds) {
         let refined = refined_solution(unedited, options, progress);
         if Report::as_played(&refined.plan).judgement.is_good() {
-            choice.refine(refined, options);
+            choice.refine(refined);
+            choice.score = score;
         }
     }
     let Choice { mut solution, score, given, .. } = choice;

@@ -1,5 +1,6 @@
 //! Comparison of the chosen times of a plan with those of its request.
 
+use crate::motion::Ends;
 use crate::plan::{Plan, TimingChoice, TimingScore};
 use serde::Serialize;
 use std::fmt;
@@ -27,9 +28,10 @@ impl TimingChange {
     pub(super) fn of(plan: &Plan) -> Option<Self> {
         let TimingChoice { given_duration_s, given_stance, given, chosen, tried } =
             plan.solve.timing.as_ref()?;
+        let ends = plan.motion.ends;
         let swings = [
-            mean_swing_s(given_stance, given_stance.len(), *given_duration_s),
-            mean_swing_s(&plan.motion.stance, plan.motion.stance.len(), plan.motion.duration_s),
+            mean_swing_s(given_stance, ends, *given_duration_s),
+            mean_swing_s(&plan.motion.stance, ends, plan.motion.duration_s),
         ];
         Some(Self {
             duration_s: [*given_duration_s, plan.motion.duration_s],
@@ -41,20 +43,25 @@ impl TimingChange {
     }
 }
 
-/// Mean duration of a swing, s. A swing begins where a foot in stance lifts off, also across the end of a period.
-fn mean_swing_s(stance: &[Vec<bool>], samples: usize, duration_s: f64) -> Option<f64> {
-    let feet = stance.first()?.len();
+/// Mean time from lift-off to landing, s: from the last sample in stance to the next one, also across the end of a period. More
+/// samples at the same times do not change it.
+fn mean_swing_s(stance: &[Vec<bool>], ends: Ends, duration_s: f64) -> Option<f64> {
+    let (samples, feet) = (stance.len(), stance.first()?.len());
+    let intervals = if ends == Ends::Periodic { samples } else { samples - 1 };
     let flags = |i: usize, j: usize| stance[i % samples][j];
-    let pairs = || (0..samples).flat_map(|i| (0..feet).map(move |j| (i, j)));
+    let pairs = || (0..intervals).flat_map(|i| (0..feet).map(move |j| (i, j)));
     let lifts = pairs().filter(|&(i, j)| flags(i, j) && !flags(i + 1, j)).count();
-    let in_swing = pairs().filter(|&(i, j)| !flags(i, j)).count();
-    (lifts > 0).then(|| in_swing as f64 / lifts as f64 * duration_s / samples as f64)
+    let in_the_air = pairs().filter(|&(i, j)| !flags(i, j) || !flags(i + 1, j)).count();
+    (lifts > 0).then(|| in_the_air as f64 / lifts as f64 * duration_s / intervals as f64)
 }
 
 impl fmt::Display for TimingChange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { duration_s: [given_s, chosen_s], swing_s, given, chosen, tried } = self;
         let differs = |[a, b]: [f64; 2]| (a - b).abs() > SAME_S;
+        if given.as_ref() == Some(chosen) {
+            return write!(f, "timing, chosen from {tried}: as given");
+        }
         write!(f, "timing, chosen from {tried}: duration {chosen_s:.3} s")?;
         if differs(self.duration_s) {
             write!(f, " instead of {given_s:.3} s")?;
@@ -68,8 +75,8 @@ impl fmt::Display for TimingChange {
         match given {
             Some(given) => write!(
                 f,
-                "; costs {cost:.4} instead of {:.4}, largest residual as played {as_played:.2} of \
-                 its tolerance instead of {:.2}",
+                "; with the samples of the file, costs {cost:.4} instead of {:.4}, largest residual as \
+                 played {as_played:.2} of its tolerance instead of {:.2}",
                 given.cost, given.as_played
             ),
             None => write!(
@@ -87,11 +94,17 @@ mod tests {
 
     #[test]
     fn a_swing_across_the_end_of_a_period_is_one() {
-        let stance: Vec<Vec<bool>> = ".####.".chars().map(|c| vec![c == '#']).collect();
-        // Two of six samples in 0.6 s.
-        let mean = mean_swing_s(&stance, 6, 0.6).expect("a swing");
-        assert!((mean - 0.2).abs() < 1e-12, "{mean}");
-        assert_eq!(mean_swing_s(&[vec![true], vec![true]], 2, 1.0), None);
+        let flags = |text: &str| text.chars().map(|c| vec![c == '#']).collect::<Vec<_>>();
+        // Three of six intervals of 0.1 s, and the same times with twice the samples.
+        for stance in [".####.", "...#######.."] {
+            let mean = mean_swing_s(&flags(stance), Ends::Periodic, 0.6).expect("a swing");
+            assert!((mean - 0.3).abs() < 1e-12, "{stance}: {mean}");
+        }
+        for stance in ["#..###", "#.....#####"] {
+            let mean = mean_swing_s(&flags(stance), Ends::AtRest, 0.5).expect("a swing");
+            assert!((mean - 0.3).abs() < 1e-12, "{stance}: {mean}");
+        }
+        assert_eq!(mean_swing_s(&flags("##"), Ends::Periodic, 1.0), None);
     }
 
     #[test]
@@ -107,9 +120,11 @@ mod tests {
         let text = change(Some([0.2, 0.2]), Some(score(0.353, 0.31))).to_string();
         assert_eq!(
             text,
-            "timing, chosen from 7: duration 0.983 s instead of 0.800 s; costs 0.3100 instead of 0.3530, largest residual \
-             as played 0.42 of its tolerance instead of 0.31"
+            "timing, chosen from 7: duration 0.983 s instead of 0.800 s; with the samples of the file, costs 0.3100 instead of \
+             0.3530, largest residual as played 0.42 of its tolerance instead of 0.31"
         );
+        let text = change(None, Some(score(0.31, 0.42))).to_string();
+        assert_eq!(text, "timing, chosen from 7: as given");
         let text = change(Some([0.2, 0.25]), None).to_string();
         assert!(text.contains("mean swing 0.250 s instead of 0.200 s"), "{text}");
         assert!(text.contains("no plan was found with the given times"), "{text}");

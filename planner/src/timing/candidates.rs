@@ -59,11 +59,10 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// Replaces the plan by one with more samples, with its own score.
-    pub fn refine(&mut self, refined: Solution, options: &Options) {
-        let (holds, as_played) = played(&refined.plan);
-        let cost = Objective::PlanCost.of_plan(&refined.plan, &options.weights);
-        (self.score, self.holds) = (TimingScore { cost, as_played }, holds);
+    /// Replaces the plan by one with more samples. The score stays that with the samples of the request, to which the score of
+    /// the given times belongs.
+    pub fn refine(&mut self, refined: Solution) {
+        self.holds = played(&refined.plan).0;
         self.solution = refined;
     }
 }
@@ -110,6 +109,10 @@ impl<'a> Candidates<'a> {
 
     pub fn at(&self, index: usize) -> &Candidate {
         &self.converged[index]
+    }
+
+    pub fn score(&mut self, index: usize) -> TimingScore {
+        self.converged[index].score()
     }
 
     /// Plans a motion, from the plan `from` if given. Returns the index of its plan, or `None` if none is found.
@@ -215,8 +218,8 @@ impl<'a> Candidates<'a> {
     pub fn finish(mut self) -> Option<Choice> {
         let index = self.best()?;
         let holds = self.holds(index);
-        let given = self.given_index().map(|given| self.converged[given].score());
-        let score = self.converged[index].score();
+        let given = self.given_index().map(|given| self.score(given));
+        let score = self.score(index);
         let mut solution = self.converged.swap_remove(index).solution;
         solution.plan.solve.iterations = self.spent;
         Some(Choice { solution, score, holds, given })
