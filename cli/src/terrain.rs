@@ -137,7 +137,7 @@ impl GroundArgs {
             )),
             Support::Stand => Ok(None),
             Support::Ground if robot.end_effectors.len() < FEET_MIN => Err(miette!(
-                help = "put the robot on a stand: `rollwalk-sim ROBOT.toml --bus sim --on stand`",
+                help = "add --on stand, so that the robot hangs on a stand",
                 "{} cannot stand on the ground: it has {} feet and wheels, but at least {FEET_MIN} \
                  are required",
                 robot.name,

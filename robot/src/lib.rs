@@ -26,6 +26,7 @@ mod channel;
 mod clearance;
 mod contact;
 mod controller;
+mod data_sheets;
 pub mod document;
 mod file;
 mod linkage;

@@ -122,6 +122,9 @@ fn in_real_time_feetech_servos_are_played_over_a_serial_line() {
     let checked = desk.run(&["robot", "check", ROBOT]);
     let warning = "warning: bus 0: its drives (STS3215-C018) have no watchdog";
     assert!(checked.stderr.contains(warning), "{}", checked.stderr);
+    let warning =
+        "warning: actuator XL330-M288-T (5 V) is on bus 0 with `model = \"STS3215-C018\"` (12 V)";
+    assert!(checked.stderr.contains(warning), "{}", checked.stderr);
     checked.succeeds_with(0, &["STS3215-C018", "29 %"]);
     let library = "name = \"sts\"\nrobot = \"../robots/pup.toml\"\nsafe = \"stand\"\n\n\
                    [[motion]]\nname = \"stand\"\nfile = \"pup_stand.toml\"\ncode = 1\n";

@@ -6,8 +6,8 @@ use super::import;
 use super::robot_export;
 use super::standing::StandingReport;
 use crate::buses::BusLoads;
+use crate::terrain::FEET_MIN;
 use miette::IntoDiagnostic;
-use rollwalk_design::catalog::Catalog;
 use rollwalk_robot::Robot;
 use rollwalk_terminal::inputs::{Source, TextFile};
 use rollwalk_terminal::{Exit, output};
@@ -76,37 +76,25 @@ fn warnings(
         vec!["a wheel lies flat in the nominal pose: check `axis_in_link` of the wheels, and `nominal_rad` of the joints that turn them".to_owned()]
     };
     let mut warnings = Robot::side_warnings(&text.path, &text.text);
-    warnings.extend(beyond_data_sheets(robot));
+    warnings.extend(robot.data_sheet_warnings());
     warnings.extend(standing.map_or_else(flat, |s| s.warnings().to_vec()));
     warnings.extend(buses.map(BusLoads::warnings).into_iter().flatten());
     warnings
 }
 
-/// Warnings about limits beyond the data sheet of the named servo, one for each servo and limit.
-fn beyond_data_sheets(robot: &Robot) -> Vec<String> {
-    let catalog = Catalog::shipped();
-    let mut warnings = Vec::new();
-    for channel in robot.channels() {
-        let motor = channel.actuator();
-        let Some(servo) = catalog.servos().iter().find(|servo| servo.name == motor.model) else {
-            continue;
-        };
-        let speed = ("speed_max_rad_s", motor.speed_max_rad_s, Some(servo.no_load_speed_rad_s));
-        let torque = ("torque_max_nm", motor.torque_max_nm, servo.stall_torque_nm);
-        for (field, given, most) in [speed, torque] {
-            let Some(most) = most.filter(|most| given > *most) else { continue };
-            let warning = format!(
-                "actuator {}: `{field}` is {given}, and its data sheet has {most:.3} at {} V, {}",
-                motor.model,
-                servo.voltage_v,
-                if field.starts_with("speed") { "without a load" } else { "at stall" }
-            );
-            if !warnings.contains(&warning) {
-                warnings.push(warning);
-            }
-        }
+/// Commands for a robot that falls without feedback; empty for others.
+fn balance(robot: &Robot) -> String {
+    if robot.end_effectors.len() >= FEET_MIN {
+        return String::new();
     }
-    warnings
+    let plans = match rollwalk_tracking::balances(robot) {
+        true => "`rollwalk plan` works, and `rollwalk simulate` with --tracking; ",
+        false => "",
+    };
+    format!(
+        "\nbalance: {} feet and wheels do not hold the robot upright without feedback. {plans}`rollwalk demo` and `rollwalk-sim` need --on stand\n",
+        robot.end_effectors.len()
+    )
 }
 
 fn check(check: &Check) -> miette::Result<Exit> {
@@ -119,7 +107,8 @@ fn check(check: &Check) -> miette::Result<Exit> {
         output::print_json(&RobotOutput { mass_kg, robot: &robot, standing })?;
     } else {
         let standing = standing.map_or(String::new(), |standing| standing.show());
-        output::print(&format!("{}\n\n{standing}\n{}", describe(&robot), buses.table()))?;
+        let balance = balance(&robot);
+        output::print(&format!("{}\n\n{standing}{balance}\n{}", describe(&robot), buses.table()))?;
     }
     output::print_warnings(&warnings);
     buses.check(&check.robot)?;

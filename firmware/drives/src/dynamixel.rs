@@ -97,7 +97,7 @@ impl Drive {
 
     /// Recommended supply voltage, 0.1 V.
     fn supply_tenths(&self) -> u16 {
-        if self.kind.model.name.starts_with("XL330") { 50 } else { 120 }
+        (self.kind.model.supply_v() * 10.0).round() as u16
     }
 
     /// Current, velocity and position.

@@ -18,8 +18,8 @@ const CENTRE: f64 = 2048.0;
 const ALL: u8 = 0xFE;
 /// Instruction codes in the manual.
 const INSTRUCTIONS: [u8; 12] = [1, 2, 3, 4, 5, 6, 8, 9, 10, 11, 0x82, 0x83];
-/// Reported supply voltage, 0.1 V, and temperature, °C, without faults.
-const VOLTAGE_AND_TEMPERATURE: [u8; 2] = [74, 35];
+/// Reported temperature, °C, without faults.
+const TEMPERATURE_C: u8 = 35;
 
 /// Feetech servo.
 #[derive(Clone, Debug)]
@@ -98,7 +98,7 @@ impl Drive {
         let words = [(position, 15), (shaft.speed_rad_s / STEP, 15), (load, 10)];
         let mut data = vec![self.status];
         data.extend(words.iter().flat_map(|&(value, bit)| with_sign(value, bit).to_le_bytes()));
-        data.extend(VOLTAGE_AND_TEMPERATURE);
+        data.extend([(self.kind.model.supply_v * 10.0).round() as u8, TEMPERATURE_C]);
         Some(wrapped(self.id, &data))
     }
 

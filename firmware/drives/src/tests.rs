@@ -312,7 +312,7 @@ fn a_feetech_servo_takes_whole_packets_alone() {
     // The second of two servos waits for the first. −3 steps/s, −50.0 % of the torque.
     let ask = feetech::packet::packet(0xFE, 0x82, &[56, 8, 2, ID]).unwrap();
     let shaft = Shaft { speed_rad_s: -3.0 * TAU / 4096.0, torque_nm: -1.471, ..at(TAU / 4.0) };
-    let bytes = [0xFF, 0xFF, ID, 10, 0, 0, 0x0C, 3, 0x80, 0xF4, 5, 74, 35];
+    let bytes = [0xFF, 0xFF, ID, 10, 0, 0, 0x0C, 3, 0x80, 0xF4, 5, 120, 35];
     let bytes = [&bytes[..], &[crate::feetech::complement(&bytes[2..])]].concat();
     let answer = Answer { bytes, turn: 1, delay_us: 500, is_part: false };
     assert_eq!(drive.on_packet(0, &ask, &shaft), (vec![DriveCommand::Query], Some(answer)));

@@ -133,7 +133,7 @@ pub(super) fn spring(mut table: Table<'_>) -> JointSpring {
 
 /// Reads a data sheet: all fields of a motor except its address (bus and id). A servo of the catalogue supplies absent fields.
 pub(super) fn data_sheet(table: &Table<'_>) -> Actuator {
-    let servo = table.given("servo", servo);
+    let servo = table.given("servo", servo).map(|servo| complete(table, servo));
     let servo = servo.as_ref();
     let or = |key, of: fn(&Servo) -> Option<f64>| match servo.and_then(of) {
         Some(value) if !table.has(key) => value,
@@ -181,6 +181,32 @@ fn servo(table: &Table<'_>, key: &'static str) -> Option<Servo> {
         return Some(servo);
     }
     Some(Servo { kp_nm_rad: Some(1.0), kd_nm_s_rad: Some(1.0), armature_kg_m2: Some(1.0), ..servo })
+}
+
+/// Reports all values together that neither the table nor the catalogue has, and fills them in.
+fn complete(table: &Table<'_>, servo: Servo) -> Servo {
+    let Servo { kp_nm_rad, kd_nm_s_rad, armature_kg_m2, .. } = servo;
+    let values = [
+        ("kp_nm_rad", kp_nm_rad),
+        ("kd_nm_s_rad", kd_nm_s_rad),
+        ("armature_kg_m2", armature_kg_m2),
+    ];
+    let absent = values.iter().filter(|(key, value)| value.is_none() && !table.has(key));
+    let absent: Vec<_> = absent.map(|(key, _)| format!("`{key}`")).collect();
+    if absent.is_empty() {
+        return servo;
+    }
+    let keys = absent.join(", ");
+    let problem = format_args!("is \"{}\", for which the catalogue has no {keys}", servo.name);
+    let help =
+        format!("give {keys}; docs/identification.md#measure-a-servo describes a measurement");
+    table.fault("servo", problem, "has no gains", help);
+    Servo {
+        kp_nm_rad: kp_nm_rad.or(Some(1.0)),
+        kd_nm_s_rad: kd_nm_s_rad.or(Some(1.0)),
+        armature_kg_m2: armature_kg_m2.or(Some(1.0)),
+        ..servo
+    }
 }
 
 /// Reads the torque-speed line of a data sheet. Both of its values or neither must be present.

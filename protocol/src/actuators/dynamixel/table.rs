@@ -87,6 +87,15 @@ impl Model {
         Self { name, number, max_current, max_velocity, torque_step_nm }
     }
 
+    /// Recommended supply voltage, V.
+    pub const fn supply_v(&self) -> f32 {
+        if self.number == XL330_M077.number || self.number == XL330_M288.number {
+            5.0
+        } else {
+            12.0
+        }
+    }
+
     /// True if the servo measures and controls its current.
     pub const fn has_current(&self) -> bool {
         self.max_current > 0

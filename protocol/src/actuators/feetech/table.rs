@@ -46,13 +46,15 @@ pub struct Model {
     /// Stall torque, N·m: the reference of [`TORQUE_LIMIT`] and of the load. The load is the motor voltage as a fraction of the
     /// supply, so a torque computed from it is an estimate.
     pub stall_torque_nm: f32,
+    /// Supply voltage of these values, V.
+    pub supply_v: f32,
 }
 
 impl Model {
-    /// Builds a model from its data sheet: no-load speed in rev/min, and stall torque in kg·cm.
-    const fn new(name: &'static str, rev_min: f32, kg_cm: f32) -> Self {
+    /// Builds a model from its data sheet: supply in V, no-load speed in rev/min, and stall torque in kg·cm.
+    const fn new(name: &'static str, supply_v: f32, rev_min: f32, kg_cm: f32) -> Self {
         let max_velocity = (rev_min * 4096.0 / 60.0) as i32;
-        Self { name, max_velocity, stall_torque_nm: kg_cm * KG_CM_NM }
+        Self { name, max_velocity, stall_torque_nm: kg_cm * KG_CM_NM, supply_v }
     }
 }
 
@@ -65,11 +67,11 @@ impl Named for Model {
 }
 
 /// STS3215 at 7.4 V.
-pub const STS3215_C001: Model = Model::new("STS3215-C001", 52.0, 19.5);
+pub const STS3215_C001: Model = Model::new("STS3215-C001", 7.4, 52.0, 19.5);
 /// STS3215 at 12 V.
-pub const STS3215_C018: Model = Model::new("STS3215-C018", 45.0, 30.0);
+pub const STS3215_C018: Model = Model::new("STS3215-C018", 12.0, 45.0, 30.0);
 /// STS3250 at 12 V: 60° in 0.133 s.
-pub const STS3250: Model = Model::new("STS3250", 75.0, 50.0);
+pub const STS3250: Model = Model::new("STS3250", 12.0, 75.0, 50.0);
 
 /// Supported models.
 pub const MODELS: [Model; 3] = [STS3215_C001, STS3215_C018, STS3250];
