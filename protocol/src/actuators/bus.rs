@@ -53,6 +53,11 @@ impl Bus {
         self.control == ControlLoop::OnController || self.protocol.capabilities().torque
     }
 
+    /// True if the speed of a joint's set-point has an effect.
+    pub fn takes_joint_speed(&self) -> bool {
+        self.control == ControlLoop::OnController || self.protocol.capabilities().joint_speed
+    }
+
     /// True if kp and kd of the actuators can be changed while they run.
     pub fn takes_gains(&self) -> bool {
         self.control == ControlLoop::OnController

@@ -9,10 +9,16 @@ const ARMATURE_OF_LIMB: f64 = 5.0;
 /// Maximum plausible ratio of a joint's rotor inertia to the robot's mass times its squared size. A joint with a very light load
 /// may exceed [`ARMATURE_OF_LIMB`] without an error, so a warning needs both.
 const ARMATURE_OF_ROBOT: f64 = 0.02;
+/// Maximum plausible time in which the torque limit accelerates the rotor alone to the speed limit, s. Hobby servos with gears of
+/// 1:345 need 0.06 s, drives with little reduction less. A wrong unit is a factor of 1e4 or more.
+const RUN_UP_MAX_S: f64 = 0.3;
 /// Maximum plausible deflection of a joint of the standing robot, rad. Real robots reach 0.09.
 const YIELDS_MAX_RAD: f64 = 0.15;
 /// Maximum plausible time constant kd / kp with which a joint approaches its set-point, s. Real robots reach 0.03.
 const FOLLOWS_MAX_S: f64 = 0.08;
+/// Maximum plausible damping ratio of a joint whose set-points have a speed. Folded legs have less inertia than stretched ones,
+/// for which gains are chosen.
+const DAMPING_RATIO_MAX: f64 = 5.0;
 /// Assumed period of a drive's damping loop, s. Many drives are faster, few are slower.
 const LOOP_S: f64 = 1e-3;
 
@@ -31,13 +37,15 @@ pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
         let before = tree.joints_to_link(joint.child).iter().map(|joint| carried[*joint]);
         let limb_kg_m2 = before.fold(0.0, f64::max);
         let armature_kg_m2 = motor.armature_kg_m2;
+        let run_up_s = armature_kg_m2 * motor.speed_max_rad_s / motor.torque_max_nm;
         if armature_kg_m2 > ARMATURE_OF_LIMB * limb_kg_m2
             && armature_kg_m2 > ARMATURE_OF_ROBOT * of_robot_kg_m2
+            && run_up_s > RUN_UP_MAX_S
         {
             warnings.push(warning(format!(
-                "`armature_kg_m2` is {armature_kg_m2}, {:.0} times the inertia of the limb; give \
-                 the rotor's inertia times the square of the gear ratio, in kg·m² (1 g·cm² = 1e-7 \
-                 kg·m², 1 kg·cm² = 1e-4 kg·m²)",
+                "`armature_kg_m2` is {armature_kg_m2}, {:.0} times the inertia of the limb, so that \
+                 the motor needs {run_up_s:.1} s to reach its speed; give the rotor's inertia times \
+                 the square of the gear ratio, in kg·m² (1 g·cm² = 1e-7 kg·m², 1 kg·cm² = 1e-4 kg·m²)",
                 armature_kg_m2 / limb_kg_m2
             )));
         }
@@ -49,15 +57,9 @@ pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
                 motor.kp_nm_rad
             )));
         }
-        let follows_s = motor.kd_nm_s_rad / motor.kp_nm_rad;
-        if follows_s > FOLLOWS_MAX_S {
-            warnings.push(warning(format!(
-                "`kd_nm_s_rad` is {}, so that the joint lags by {follows_s:.2} s with `kp_nm_rad` \
-                 {}; give kp times 0.01 to 0.03 s",
-                motor.kd_nm_s_rad, motor.kp_nm_rad
-            )));
-        }
-        warnings.extend(damping(motor, carried[index] + armature_kg_m2).map(warning));
+        let inertia_kg_m2 = carried[index] + armature_kg_m2;
+        warnings.extend(lag(robot, motor, inertia_kg_m2).map(warning));
+        warnings.extend(damping(motor, inertia_kg_m2).map(warning));
     }
     warnings.extend(unset_buses(robot));
     warnings
@@ -77,6 +79,32 @@ fn unset_buses(robot: &Robot) -> Vec<RobotWarning> {
         RobotWarning::of("motor", channel.name(), text)
     };
     robot.channels().filter(is_unset).map(warning).collect()
+}
+
+/// Warning about a damping that is large for the stiffness.
+///
+/// Without the speed of a set-point, the damping torque kd q̇ holds the joint back, and it lags by kd / kp. With the speed, the
+/// damping acts on q̇* − q̇, and the joint does not lag. If the joint is overdamped, errors still decay with kd / kp.
+fn lag(robot: &Robot, motor: &Actuator, inertia_kg_m2: f64) -> Option<String> {
+    let Actuator { kp_nm_rad, kd_nm_s_rad, .. } = *motor;
+    let follows_s = kd_nm_s_rad / kp_nm_rad;
+    if follows_s <= FOLLOWS_MAX_S {
+        return None;
+    }
+    let bus = robot.buses.get(&motor.bus).copied().unwrap_or_default();
+    let problem = if bus.takes_joint_speed() {
+        let ratio = kd_nm_s_rad / (2.0 * (kp_nm_rad * inertia_kg_m2).sqrt());
+        if ratio <= DAMPING_RATIO_MAX {
+            return None;
+        }
+        format!("errors of the joint decay in {follows_s:.2} s")
+    } else {
+        format!("the joint lags by {follows_s:.2} s")
+    };
+    Some(format!(
+        "`kd_nm_s_rad` is {kd_nm_s_rad}, so that {problem} with `kp_nm_rad` {kp_nm_rad}; give kp \
+         times 0.01 to 0.03 s"
+    ))
 }
 
 /// Warning about unstable damping: a digital loop diverges if I / kd is below half of its period.

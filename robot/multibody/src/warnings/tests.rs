@@ -116,7 +116,7 @@ fn a_slip_is_named_with_its_value() {
     assert_eq!(of(&table(&[])), [""; 0]);
     let (g_mm2, kg_mm2) = (inertia([3.65e6, 1.17e7, 1.44e7]), inertia([3650.0, 11700.0, 14400.0]));
     let (g_m2, point) = (inertia([3.65, 11.7, 14.4]), inertia([1e-7, 1e-7, 1e-7]));
-    let cases: [(Vec<(&str, &str)>, &str); 25] = [
+    let cases: [(Vec<(&str, &str)>, &str); 26] = [
         (vec![(body, &g_mm2)], "link `body`: an inertia of 14400000.000 kg·m²"),
         (vec![(body, &g_mm2)], "; multiply an inertia in g·mm² by 1e-9"),
         (vec![(body, &kg_mm2)], " in kg·mm² by 1e-6"),
@@ -139,7 +139,11 @@ fn a_slip_is_named_with_its_value() {
         ),
         (
             vec![("kd_nm_s_rad = 0.8", "kd_nm_s_rad = 8")],
-            "`kd_nm_s_rad` is 8, so that the joint lags by 0.13 s with `kp_nm_rad` 60",
+            "`kd_nm_s_rad` is 8, so that errors of the joint decay in 0.13 s with `kp_nm_rad` 60",
+        ),
+        (
+            vec![("kd_nm_s_rad = 0.8", "kd_nm_s_rad = 5.4"), SERVO_LINE],
+            "`kd_nm_s_rad` is 5.4, so that the joint lags by 0.09 s with `kp_nm_rad` 60",
         ),
         (
             vec![
@@ -201,6 +205,31 @@ fn a_slip_is_named_with_its_value() {
         assert!(found.iter().any(|warning| warning.contains(expected)), "{expected}: {found:#?}");
     }
     assert_eq!(of(PUP), [""; 0]);
+}
+
+/// Bus whose protocol has no speed in the set-points of joints.
+const SERVO_LINE: (&str, &str) = (
+    "name = \"table\"\n",
+    "name = \"table\"\n\n[[bus]]\nnumber = 0\nprotocol = \"dynamixel\"\nmodel = \"XM430-W210\"\nbit_rate = 1000000\nreturn_delay_us = 20\nwatchdog_ms = 100\n",
+);
+
+/// Damping holds no joint back if set-points have a speed. A servo with gears of 1:345 has a large armature.
+#[test]
+fn real_gains_and_armatures_raise_none() {
+    let strong = ("kd_nm_s_rad = 0.8", "kd_nm_s_rad = 5.4");
+    assert_eq!(of(&table(&[strong])), [""; 0]);
+    let on_controller =
+        (SERVO_LINE.0, &*SERVO_LINE.1.replace("return", "control = \"on_controller\"\nreturn"));
+    assert_eq!(of(&table(&[strong, on_controller])), [""; 0]);
+    // STS3215 at 7.4 V, identified by https://github.com/Rhoban/bam, on a leg with a twentieth of its armature.
+    let changes = [
+        ("speed_max_rad_s = 6.0", "speed_max_rad_s = 3.5"),
+        ("torque_max_nm = 3.0", "torque_max_nm = 1.1"),
+        ("kp_nm_rad = 60.0", "kp_nm_rad = 17.8"),
+        ("kd_nm_s_rad = 0.8", "kd_nm_s_rad = 0.6"),
+        ("armature_kg_m2 = 0.004", "armature_kg_m2 = 0.028"),
+    ];
+    assert_eq!(of(&table(&changes)), [""; 0]);
 }
 
 /// Inertias are compared with the size of their link, and counted. The frame of the body is arbitrary.
