@@ -104,6 +104,11 @@ impl Kind {
             ("[[parameter]]", Self::Design),
         ];
         let marks = marks.into_iter().chain([("[footfalls]", Self::Motion)]);
+        // Tables that only side files have. Robot files without a link have other mistakes.
+        let is_side = ["[lock]", "[joint]", "[joint."].into_iter().any(has)
+            || has("[[end_effector]]")
+                && !["[[joint]]", "[[limb]]", "[template"].into_iter().any(has);
+        let marks = marks.chain(is_side.then_some(("[", Self::Side)));
         let mark = marks.into_iter().find(|(header, _)| has(header)).map(|(_, kind)| kind);
         let is_terrain = || terrain::kinds().any(|kind| has(&format!("[{kind}]")));
         mark.or_else(|| is_terrain().then_some(Self::Terrain))
@@ -302,6 +307,22 @@ impl Kind {
 #[cfg(test)]
 mod tests {
     use super::Kind;
+
+    #[test]
+    fn side_files_differ_from_robot_files() {
+        let end = "name = \"a\"\n[[end_effector]]\nname = \"foot\"\n";
+        for side in ["[lock]\nmast = 0.1\n", "[joint]\nhip = { bus = 1 }\n", "[joint.hip]\n", end] {
+            assert_eq!(Kind::of(side), Some(Kind::Side), "{side}");
+        }
+        for robot in ["[[joint]]\n[joint.spring]\n[[link]]\n", &format!("{end}[[link]]\n")] {
+            assert_eq!(Kind::of(robot), Some(Kind::Robot), "{robot}");
+        }
+        assert_eq!(Kind::of(&format!("{end}[[limb]]\n")), None);
+        let error = Kind::Robot.expect("a.side.toml".as_ref(), end).unwrap_err();
+        assert_eq!(error.to_string(), "a.side.toml is a side file, not a robot file");
+        let help = "use a side file with `rollwalk robot import --with`";
+        assert_eq!(error.help().unwrap().to_string(), help);
+    }
 
     #[test]
     fn a_document_that_quotes_a_file_is_none() {

@@ -209,6 +209,11 @@ impl<'t> Document<'t> {
         if errors.is_empty() { Ok(document) } else { document.finish(None::<Self>) }
     }
 
+    /// Text of the file.
+    pub(crate) fn text(&self) -> &'t str {
+        self.text
+    }
+
     /// Top-level table.
     pub fn root(&self) -> Table<'_> {
         Table::new(self, self.root.get_ref(), 0..0, String::new())
@@ -234,6 +239,11 @@ impl<'t> Document<'t> {
         if !faults.iter().any(same) {
             faults.push(fault);
         }
+    }
+
+    /// Removes a fault that another fault explains.
+    fn retract(&self, span: &Span, message: &str) {
+        self.faults.borrow_mut().retain(|fault| fault.span != *span || fault.message != message);
     }
 
     /// Returns true if no fault has been recorded.

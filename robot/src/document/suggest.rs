@@ -1,6 +1,7 @@
 //! Suggestions in messages: the known name nearest to a given one, lists of known names, and values in another unit.
 
 use rollwalk_protocol::text::Number;
+use std::f64::consts::{PI, TAU};
 use std::ops::RangeInclusive;
 
 /// Common synonyms of words in robot, motion and library files.
@@ -23,6 +24,50 @@ const MEANINGS: [(&str, &str); 17] = [
     ("blade", "skate"),
     ("feet", "foot"),
 ];
+
+/// Units that keys may end with by mistake: the unit, that of the format, and its factor. Longer units first.
+const KEY_UNITS: [(&str, &str, f64); 23] = [
+    ("nm_s_deg", "nm_s_rad", 180.0 / PI),
+    ("nm_deg", "nm_rad", 180.0 / PI),
+    ("kg_mm2", "kg_m2", 1e-6),
+    ("kg_cm2", "kg_m2", 1e-4),
+    ("g_cm2", "kg_m2", 1e-7),
+    ("g_mm2", "kg_m2", 1e-9),
+    ("g_m2", "kg_m2", 1e-3),
+    ("deg_s", "rad_s", PI / 180.0),
+    ("rev_min", "rad_s", TAU / 60.0),
+    ("rpm", "rad_s", TAU / 60.0),
+    ("kg_cm", "nm", NM_PER_KG_CM),
+    ("kgcm", "nm", NM_PER_KG_CM),
+    ("nmm", "nm", 1e-3),
+    ("mm_s", "m_s", 1e-3),
+    ("degrees", "rad", PI / 180.0),
+    ("deg", "rad", PI / 180.0),
+    ("cm", "m", 1e-2),
+    ("mm", "m", 1e-3),
+    ("min", "s", 60.0),
+    ("ms", "s", 1e-3),
+    ("us", "s", 1e-6),
+    ("g", "kg", 1e-3),
+    ("s", "ms", 1e3),
+];
+
+/// Torque of 1 kg·cm, N·m.
+const NM_PER_KG_CM: f64 = 0.098_066_5;
+
+/// Known key that a given key means in another unit, with the unit of the given key and the factor of its value.
+pub(super) fn in_unit_of<'a>(
+    given: &str,
+    known: impl IntoIterator<Item = &'a str> + Clone,
+) -> Option<(&'a str, &'static str, f64)> {
+    KEY_UNITS.iter().find_map(|(unit, right, factor)| {
+        let stem = given.strip_suffix(unit)?.strip_suffix('_')?;
+        let is_meant = |name: &&str| {
+            name.strip_suffix(right).and_then(|name| name.strip_suffix('_')) == Some(stem)
+        };
+        Some((known.clone().into_iter().find(is_meant)?, *unit, *factor))
+    })
+}
 
 /// Smallest similarity of a misspelled word to the correct one. One wrong letter in three is still accepted.
 const SLIP: f64 = 0.6;
@@ -53,7 +98,10 @@ pub fn in_other_unit(value: f64, range: &RangeInclusive<f64>, unit: &str) -> Str
 
 /// Known name that a given name probably means: by synonyms, by spelling, or as the only name that shares the largest number of
 /// words. `None` if no name is similar enough.
-fn closest<'a>(given: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> Option<&'a str> {
+pub(super) fn closest<'a>(
+    given: &str,
+    known: impl IntoIterator<Item = &'a str> + Clone,
+) -> Option<&'a str> {
     let words = words_of(given);
     let means =
         |word: &&str| MEANINGS.iter().find(|(said, _)| said == word).map(|(_, meant)| *meant);
@@ -174,6 +222,37 @@ mod tests {
             (80.0, 0.0..=1.0, "N·m", ""),
         ] {
             assert_eq!(in_other_unit(value, &range, unit), expected, "{value} {unit}");
+        }
+    }
+
+    #[test]
+    fn keys_in_another_unit_find_theirs() {
+        let known = [
+            "position_min_rad",
+            "radius_m",
+            "origin_in_parent_m",
+            "kp_nm_rad",
+            "torque_max_nm",
+            "watchdog_ms",
+            "speed_max_rad_s",
+            "mass_kg",
+            "duration_s",
+        ];
+        for (given, key, unit, factor) in [
+            ("position_min_deg", "position_min_rad", "deg", 0.017_453_292_519_943_295),
+            ("radius_mm", "radius_m", "mm", 1e-3),
+            ("origin_in_parent_cm", "origin_in_parent_m", "cm", 1e-2),
+            ("kp_nm_deg", "kp_nm_rad", "nm_deg", 57.295_779_513_082_32),
+            ("torque_max_kg_cm", "torque_max_nm", "kg_cm", 0.098_066_5),
+            ("watchdog_s", "watchdog_ms", "s", 1e3),
+            ("speed_max_rpm", "speed_max_rad_s", "rpm", TAU / 60.0),
+            ("mass_g", "mass_kg", "g", 1e-3),
+            ("duration_ms", "duration_s", "ms", 1e-3),
+        ] {
+            assert_eq!(in_unit_of(given, known), Some((key, unit, factor)), "{given}");
+        }
+        for other in ["height_mm", "radius", "mm", "position_min_rad"] {
+            assert_eq!(in_unit_of(other, known), None, "{other}");
         }
     }
 

@@ -1,8 +1,9 @@
 //! Typed getters for one TOML table. They record a fault if the text is wrong.
 
+use super::suggest::{closest, in_unit_of};
 use super::{Document, Span, alternatives, in_other_unit, line_at};
 use rollwalk_protocol::names;
-use rollwalk_protocol::text::{Excerpt, Limit, is_plain_name};
+use rollwalk_protocol::text::{Excerpt, Limit, Number, is_plain_name};
 use std::cell::RefCell;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
@@ -25,6 +26,8 @@ pub struct Table<'d> {
     span: Span,
     what: String,
     asked: RefCell<Vec<&'static str>>,
+    /// Required keys that are absent, with the messages of their faults.
+    missing: RefCell<Vec<(&'static str, String)>>,
 }
 
 /// Entry of [`Table::named_numbers`].
@@ -60,7 +63,7 @@ impl<'d> Table<'d> {
         span: Span,
         what: String,
     ) -> Self {
-        Self { document, table, span, what, asked: RefCell::new(Vec::new()) }
+        Self { document, table, span, what, asked: RefCell::default(), missing: RefCell::default() }
     }
 
     /// Renames the table in faults, for example after its own name has been read.
@@ -143,19 +146,40 @@ impl<'d> Table<'d> {
         self.document.fault(self.span_of(key), message, label.to_string(), help.to_string());
     }
 
-    /// Rejects unread keys.
+    /// Rejects unread keys. A key that is missing because the file has a similar one, or one in another unit, is one fault.
     pub fn done(&self) {
         let asked = self.asked.borrow();
-        for key in self.table.keys() {
+        for (key, value) in self.table.iter() {
             let name = key.get_ref().as_ref();
-            if !asked.contains(&name) {
-                self.document.fault(
-                    key.span(),
-                    format!("{}unknown key `{name}`", self.start()),
-                    "not a key of this table",
-                    alternatives(name, asked.iter().copied()),
-                );
+            if asked.contains(&name) {
+                continue;
             }
+            let absent = asked.iter().copied().filter(|known| !self.table.contains_key(*known));
+            let in_unit = in_unit_of(name, absent);
+            let meant = match in_unit {
+                Some((right, ..)) => Some(right),
+                None => closest(name, asked.iter().copied()),
+            };
+            let mut message = format!("{}unknown key `{name}`", self.start());
+            let missing = self.missing.borrow();
+            if let Some((key, fault)) = missing.iter().find(|(key, _)| Some(*key) == meant) {
+                self.document.retract(&self.span, fault);
+                message += &format!(", and `{key}` is missing");
+            }
+            let (label, help) = match in_unit {
+                Some((right, unit, factor)) => {
+                    let help = match converted(value.get_ref(), factor) {
+                        Some(value) => format!("give `{right} = {value}`"),
+                        None => format!("give `{right}`, in its unit"),
+                    };
+                    (format!("in {unit}"), help)
+                }
+                None => {
+                    let help = alternatives(name, asked.iter().copied());
+                    ("not a key of this table".to_owned(), help)
+                }
+            };
+            self.document.fault(key.span(), message, label, help);
         }
     }
 
@@ -216,10 +240,12 @@ impl<'d> Table<'d> {
 
     /// Reads a required string that must be one of `choices`, and returns its index.
     pub fn choice(&self, key: &'static str, choices: &[&'static str]) -> Option<usize> {
-        let given = self.string(key)?;
+        let listed: Vec<_> = choices.iter().map(|choice| format!("\"{choice}\"")).collect();
+        let value = self.required(key, &listed.join(" or "))?;
+        let given = self.text(key, value)?;
         let found = choices.iter().position(|choice| *choice == given);
         if found.is_none() {
-            let help = alternatives(&given, choices.iter().copied());
+            let help = alternatives(given, choices.iter().copied());
             self.fault(key, format_args!("cannot be \"{given}\""), "not one of the choices", help);
         }
         found
@@ -260,10 +286,18 @@ impl<'d> Table<'d> {
     pub fn integer(&self, key: &'static str, range: RangeInclusive<u32>) -> Option<u32> {
         let expected = format!("a whole number from {} to {}", range.start(), range.end());
         let value = self.required(key, &expected)?;
-        self.typed(key, value, &expected, |value| {
-            let number: u32 = whole(value)?.try_into().ok()?;
-            range.contains(&number).then_some(number)
-        })
+        if let Some(number) = whole(value.get_ref())
+            && !(i64::from(*range.start())..=i64::from(*range.end())).contains(&number)
+        {
+            let label = match number > i64::from(*range.end()) {
+                true => format!("above {}", range.end()),
+                false => format!("below {}", range.start()),
+            };
+            let message = format!("{}`{key}` must be {expected}", self.start());
+            self.document.fault(value.span(), message, label, format!("give {expected}"));
+            return None;
+        }
+        self.typed(key, value, &expected, |value| whole(value)?.try_into().ok())
     }
 
     /// Reads a required array of exactly `N` numbers.
@@ -378,7 +412,8 @@ impl<'d> Table<'d> {
         if value.is_none() {
             let message = format!("{}`{key}` is missing", self.start());
             let help = format!("give `{key}`, {expected}");
-            self.document.fault(self.span(), message, format!("needs `{key}`"), help);
+            self.document.fault(self.span(), &*message, format!("needs `{key}`"), help);
+            self.missing.borrow_mut().push((key, message));
         }
         value
     }
@@ -393,11 +428,23 @@ impl<'d> Table<'d> {
         let converted = convert(value.get_ref());
         if converted.is_none() {
             let message = format!("{}`{key}` must be {expected}", self.start());
-            let label = format!("this value has type {}", value.get_ref().type_str());
+            let label = match value.get_ref() {
+                DeValue::Array(items) => format!("this array has {} entries", items.len()),
+                other => format!("this value has type {}", other.type_str()),
+            };
             self.document.fault(value.span(), message, label, format!("give {expected}"));
         }
         converted
     }
+}
+
+/// Number or array of numbers in another unit, in the spelling of TOML.
+fn converted(value: &DeValue<'_>, factor: f64) -> Option<String> {
+    let show = |value: f64| Number(value * factor).to_string();
+    let Some(items) = value.as_array() else { return number(value).map(show) };
+    let numbers: Option<Vec<_>> =
+        items.iter().map(|item| number(item.get_ref()).map(show)).collect();
+    Some(format!("[{}]", numbers?.join(", ")))
 }
 
 fn number(value: &DeValue<'_>) -> Option<f64> {

@@ -87,8 +87,48 @@ fn missing_fields() {
         "",
         "[[limb]]",
         "limb `left`: `side` is missing",
-        "give `side`",
+        "give `side`, \"left\" or \"right\"",
     );
+}
+
+/// A similar key, or one in another unit, explains why a key is missing: one fault with the value to give.
+#[test]
+fn keys_in_another_unit_are_one_fault() {
+    for (from, to, help) in [
+        ("position_min_rad = -0.5", "position_min_deg = -30", "give `position_min_rad = -0.5236`"),
+        ("radius_m = 0.03", "radius_mm = 30", "give `radius_m = 0.03`"),
+        (
+            "origin_in_parent_m = [0.0, 0.02, 0.0]",
+            "origin_in_parent_mm = [0, 20, 0]",
+            "give `origin_in_parent_m = [0, 0.02, 0]`",
+        ),
+        ("kp_nm_rad = 50.0", "kp_nm_deg = 0.9", "give `kp_nm_rad = 51.566`"),
+        ("radius_m = 0.03", "radius_mm = \"30\"", "give `radius_m`, in its unit"),
+        ("radius_m = 0.03", "radus_m = 0.03", "did you mean `radius_m`?"),
+        ("radius_m = 0.03", "radius = 0.03", "did you mean `radius_m`?"),
+    ] {
+        let key = to.split(' ').next().unwrap();
+        assert_fault(from, to, key, &format!("unknown key `{key}`"), help);
+    }
+}
+
+/// Labels state why a value is wrong, not the type that it rightly has.
+#[test]
+fn labels_name_the_bound_that_a_value_exceeds() {
+    for (from, to, label) in [
+        ("id = 1\n", "id = 500\n", "above 127"),
+        ("id = 1\n", "id = -1\n", "below 0"),
+        ("id = 1\n", "id = 1.5\n", "this value has type float"),
+        (
+            "axis_in_joint = [0.0, 2.0, 0.0]",
+            "axis_in_joint = [0.0, 2.0]",
+            "this array has 2 entries",
+        ),
+    ] {
+        let error = Robot::from_toml("tiny.toml", &ROBOT.replacen(from, to, 1)).unwrap_err();
+        let labels: Vec<_> = error.faults().map(|fault| fault.label.as_str()).collect();
+        assert_eq!(labels, [label], "{to}");
+    }
 }
 
 #[test]
@@ -106,8 +146,7 @@ fn all_mistakes_are_found_at_once_and_none_in_their_train() {
         found,
         [
             "actuator `servo`: `kp_nm_rad` must be a finite number",
-            "link number 2: `name` is missing",
-            "link number 2: unknown key `nam`",
+            "link number 2: unknown key `nam`, and `name` is missing",
             "joint `*_hip`: `nominal_rad` must be a finite number",
         ]
     );
