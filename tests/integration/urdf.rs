@@ -70,7 +70,22 @@ fn a_urdf_becomes_a_robot_that_trots() {
     ]);
     let made = made.succeeds();
     assert!(made.contains("quad.toml") && made.contains("\"warnings\": []"), "{made}");
-    desk.run(&["robot", "check", "quad.toml"]).succeeds();
+    // Gains of the import raise no warning of the check, which has only that of the absent shapes.
+    let checked = desk.run(&["robot", "check", "quad.toml"]);
+    assert_eq!(checked.code, 0, "{}", checked.stderr);
+    assert!(!checked.stderr.contains("_nm_"), "{}", checked.stderr);
+    for command in ["check", "draw"] {
+        let help = ["side.toml is a side file, not a robot file", "`rollwalk robot import --with`"];
+        desk.run(&["robot", command, "side.toml"]).fails(1, &help);
+    }
+    // The import replaces its own output, but no edited file.
+    let again = ["robot", "import", "quad.urdf", "--with", "side.toml", "-o", "quad.toml"];
+    let text = desk.read("quad.toml");
+    desk.run(&again).succeeds();
+    desk.write("quad.toml", format!("{text}# mine\n"));
+    let refusal = ["quad.toml exists already, and is not the unchanged output", "another name"];
+    desk.run(&again).fails(1, &refusal);
+    assert_eq!(desk.read("quad.toml"), format!("{text}# mine\n"));
     desk.write(
         "trot.toml",
         "name = \"trot\"\nrobot = \"quad.toml\"\nduration_s = 0.6\nends = \"periodic\"\nswing_height_m = 0.04\n\

@@ -112,7 +112,9 @@ fn import(urdf: Text<'_>, side: &Path, output: &Path, json: bool) -> miette::Res
     let text = files::read_text(side, Kind::Side)?;
     let side = Text { name: &side.to_string_lossy(), text: &text };
     let imported = urdf::import(urdf, side).map_err(Report::new)?;
-    Output::of_source(output)?.write(imported.toml.as_bytes())?;
+    let place = Output::of_source(output)?;
+    keep_edits(&place)?;
+    place.write(imported.toml.as_bytes())?;
     let standing = StandingReport::new(&imported.robot);
     let standing = standing.iter();
     let found = standing.flat_map(|of| of.implausibilities().iter().cloned().chain(of.overlaps()));
@@ -126,6 +128,23 @@ fn import(urdf: Text<'_>, side: &Path, output: &Path, json: bool) -> miette::Res
         output::print(&format!("{robot}\n\nwrote {}", output.display()))?;
     }
     Ok(Exit::Ok)
+}
+
+/// Refuses to replace a file other than an unchanged output of the import.
+fn keep_edits(output: &Output) -> miette::Result<()> {
+    let target = output.target();
+    if !target.is_file() {
+        return Ok(());
+    }
+    let is_own = std::fs::read_to_string(target).is_ok_and(|text| urdf::is_unchanged(&text));
+    if is_own {
+        return Ok(());
+    }
+    Err(miette!(
+        help = "give another name, or remove the file",
+        "{} exists already, and is not the unchanged output of an import",
+        output.path().display()
+    ))
 }
 
 fn print_survey(urdf: Text<'_>, args: &Args) -> miette::Result<Exit> {

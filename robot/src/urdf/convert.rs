@@ -82,6 +82,7 @@ impl<'a> Conversion<'a, '_> {
         let mass_kg: f64 = links.iter().map(|link| link.mass.mass_kg).sum();
         let mut motors = Motors::new(self.side, mass_kg * GRAVITY_M_S2);
         let limbs = limbs(self.bodies);
+        let order = bus_order(self.bodies, &limbs, &tips);
         let loads = loads(self.bodies, &axes, &angles, &limbs, &tips);
         let mut names = Names::default();
         let mut joints = Vec::new();
@@ -91,7 +92,8 @@ impl<'a> Conversion<'a, '_> {
             let fallback = Default::default();
             let motor = given.map_or(&fallback, |given| &given.motor);
             let is_held = motor.actuator.is_none() && self.urdf.holding_spring(joint).is_some();
-            let motor = (!is_held).then(|| motors.joint(motor, joint, load, limbs[moving.child]));
+            let limb = order[limbs[moving.child]];
+            let motor = (!is_held).then(|| motors.joint(motor, joint, load, limb));
             joints.push(DraftJoint {
                 name: names.give("joint", &joint.name, &joint.span, self.notes),
                 from: joint.name.clone(),
@@ -113,7 +115,7 @@ impl<'a> Conversion<'a, '_> {
         let ends: Vec<_> = self.side.end_effectors.iter().collect();
         let end_effectors = ends
             .into_iter()
-            .filter_map(|end| self.end_effector(end, &mut motors, &limbs))
+            .filter_map(|end| self.end_effector(end, &mut motors, |body| order[limbs[body]]))
             .collect();
         let sheets = std::mem::take(&mut motors.sheets);
         motors.remark(self.notes);
@@ -336,7 +338,7 @@ impl<'a> Conversion<'a, '_> {
         &mut self,
         end: &'a EndEffectorSide,
         motors: &mut Motors<'_>,
-        limbs: &[usize],
+        limb: impl Fn(usize) -> usize,
     ) -> Option<DraftEnd> {
         let name = self.link_of(end)?;
         let Some((body, body_from_link)) = self.body_and_pose(name) else {
@@ -357,7 +359,7 @@ impl<'a> Conversion<'a, '_> {
             return None;
         }
         let motor = (end.contact == "actuated_wheel")
-            .then(|| motors.wheel(&end.motor, axle, &end.name, limbs[body]));
+            .then(|| motors.wheel(&end.motor, axle, &end.name, limb(body)));
         let wheel = axle.map(|axle| format!("wheel of joint {}", axle.name));
         Some(DraftEnd {
             name: end.name.clone(),
@@ -388,6 +390,17 @@ pub(super) fn limbs(bodies: &Bodies) -> Vec<usize> {
         }
     }
     limbs
+}
+
+/// Position of each limb in the order in which limbs get their buses: legs first, then arms.
+fn bus_order(bodies: &Bodies, limbs: &[usize], tips: &[Tip]) -> Vec<usize> {
+    let count = bodies.moving.iter().filter(|moving| moving.parent == 0).count();
+    let is_arm = |limb: &usize| !tips.iter().any(|tip| tip.body > 0 && limbs[tip.body] == *limb);
+    let mut sorted: Vec<usize> = (0..count).collect();
+    sorted.sort_by_key(is_arm);
+    let mut order = vec![0; count.max(1)];
+    sorted.into_iter().enumerate().for_each(|(position, limb)| order[limb] = position);
+    order
 }
 
 /// Joints without a foot or wheel, as indices into [`Bodies::moving`]. `tips` has the bodies of feet and wheels.

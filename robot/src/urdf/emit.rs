@@ -5,6 +5,7 @@ use super::side::NUMBERS;
 use super::toml_text::{array, comment, key, quoted, show};
 use crate::shape::Shape;
 use nalgebra::Vector3;
+use rollwalk_protocol::crc::crc32c_append;
 use std::fmt::Write;
 use std::ops::Range;
 
@@ -23,6 +24,7 @@ pub(super) fn emit(draft: &Draft, sources: [&str; 2]) -> Emitted {
     out.line("# Links and joints: from the model, rigidly connected links merged. Limits, torques and speeds: from the model");
     out.line("# unless the side file says otherwise. Gains, armature, nominal pose, end effectors: side file or");
     out.line("# defaults. Format: docs/robot-files.md; defaults: docs/urdf-import.md.");
+    out.line(format_args!("{MARK}00000000"));
     out.line(format_args!("\nname = {}", quoted(&draft.name)));
     for DraftSheet { name, sheet, side } in &draft.sheets {
         let start = out.text.len();
@@ -124,12 +126,34 @@ pub(super) fn emit(draft: &Draft, sources: [&str; 2]) -> Emitted {
         }
         out.came_from(start, &end.origin);
     }
+    out.seal();
     out
+}
+
+/// Beginning of the line with the checksum of the other lines.
+const MARK: &str = "# The import replaces this file only if it is unchanged: ";
+
+/// Checksum of the lines of a robot file without the line of the checksum. Ends of lines may have changed.
+fn checksum(text: &str) -> u32 {
+    let lines = text.lines().filter(|line| !line.starts_with(MARK));
+    lines.fold(0, |sum, line| crc32c_append(crc32c_append(sum, line.as_bytes()), b"\n"))
+}
+
+/// True for the text of an imported robot file without later edits.
+pub fn is_unchanged(text: &str) -> bool {
+    let given = text.lines().find_map(|line| line.strip_prefix(MARK));
+    given.is_some_and(|given| given.trim_end() == format!("{:08x}", checksum(text)))
 }
 
 impl Emitted {
     fn line(&mut self, line: impl std::fmt::Display) {
         let _ = writeln!(self.text, "{line}");
+    }
+
+    /// Enters the checksum, which has as many digits as its placeholder.
+    fn seal(&mut self) {
+        let sum = format!("{MARK}{:08x}", checksum(&self.text));
+        self.text = self.text.replacen(&format!("{MARK}00000000"), &sum, 1);
     }
 
     fn motor(&mut self, draft: &Draft, motor: Motor) {

@@ -5,12 +5,19 @@ use super::stance::{Tip, poses};
 use crate::GRAVITY_M_S2;
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
+/// Deflection of a joint of a leg under its load at the longest lever, rad. A bent leg sinks by a few per cent of its length.
+pub(super) const LEG_YIELDS_RAD: f64 = 0.3;
+/// Deflection of a joint of an arm under the weight of the stretched arm, rad.
+const ARM_YIELDS_RAD: f64 = 0.12;
+
 /// Load of one joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Load {
     /// Torque that the joint has to hold at the longest lever, N·m: its limb's share of the weight times the length of the
     /// limb, or the moment of all masses beyond the joint, if that is larger.
     pub holds_nm: f64,
+    /// Deflection under this torque, rad.
+    pub yields_rad: f64,
     /// Inertia of all moved bodies about the joint's axis in the standing pose, without rotors, kg·m².
     pub inertia_kg_m2: f64,
 }
@@ -50,7 +57,9 @@ pub(super) fn loads(
             beyond_nm += mass.mass_kg * GRAVITY_M_S2 * arm.norm();
         }
         let share_n = weight_n / supports.max(1) as f64;
-        Load { holds_nm: beyond_nm.max(share_n * length(limbs[child])), inertia_kg_m2 }
+        let length_m = length(limbs[child]);
+        let yields_rad = if length_m > 0.0 { LEG_YIELDS_RAD } else { ARM_YIELDS_RAD };
+        Load { holds_nm: beyond_nm.max(share_n * length_m), yields_rad, inertia_kg_m2 }
     };
     axes.iter().enumerate().map(load).collect()
 }

@@ -7,6 +7,7 @@
 //! [`survey`] lists the contents of a model and proposes a side file: `draft_side` collects the guesses of `guess`, `stance`
 //! finds a standing pose, `remarks` warns and `template` writes.
 
+mod attribution;
 mod bodies;
 mod convert;
 mod draft;
@@ -36,13 +37,12 @@ mod transmissions;
 mod tree;
 mod xml;
 
+pub use emit::is_unchanged;
 pub use survey::{Survey, SurveyEnd, SurveyJoint, survey, survey_with};
 pub use xml::TEXT_MAX;
 
 use crate::document::{Document, DocumentError};
 use crate::model::Robot;
-use draft::Origin;
-use emit::Emitted;
 use notes::Notes;
 
 /// Robot from a URDF.
@@ -86,28 +86,9 @@ pub fn import(urdf: Text<'_>, side: Text<'_>) -> Result<Imported, DocumentError>
     match Robot::from_toml("the imported robot", &emitted.text) {
         Ok(robot) => Ok(Imported { toml: emitted.text, robot, warnings: notes.warnings }),
         Err(error) => {
-            attribute(&error, &emitted, &mut notes, &document);
+            attribution::attribute(&error, &emitted, &mut notes, &document);
             notes.check()?;
             document.finish(None)
-        }
-    }
-}
-
-/// Attributes faults of the robot file to their sources in URDF and side file.
-fn attribute(error: &DocumentError, emitted: &Emitted, notes: &mut Notes<'_>, side: &Document<'_>) {
-    for fault in error.faults() {
-        let holds =
-            |(part, _): &&(std::ops::Range<usize>, Origin)| part.contains(&fault.span.start);
-        let fault = fault.clone();
-        match emitted.origins.iter().find(holds) {
-            Some((_, Origin::Urdf(span))) => {
-                notes.fault(span.clone(), fault.message, "comes from here", fault.help);
-            }
-            Some((_, Origin::Side(span))) => {
-                side.fault(span.clone(), fault.message, "comes from here", fault.help);
-            }
-            // Actuators and whole-robot values are corrected in the side file.
-            None => side.fault(0..0, fault.message, "in the imported robot", fault.help),
         }
     }
 }

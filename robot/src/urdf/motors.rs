@@ -16,8 +16,6 @@ use std::collections::HashSet;
 const SPEED_RAD_S: f64 = 10.0;
 /// Lever of the robot's weight in the default torque limit, m.
 const LEVER_M: f64 = 0.1;
-/// Deflection of a joint under its load at the longest lever, rad. A bent leg sinks by a few per cent of its length.
-const YIELD_RAD: f64 = 0.3;
 /// Smallest position error at which a joint needs its torque limit, rad.
 const SATURATION_RAD: f64 = 0.1;
 /// Period of a control loop on the controller at its default rate, s.
@@ -147,7 +145,8 @@ impl<'s> Motors<'s> {
             None => (side(2).unwrap_or(0.0), side(3).unwrap_or(armature / WHEEL_TIME_S)),
             Some(load) => {
                 let inertia = load.inertia_kg_m2 + armature;
-                let kp = or(2, stiffness(load.holds_nm, torque, inertia, kp_most));
+                let kp =
+                    or(2, stiffness(load.holds_nm / load.yields_rad, torque, inertia, kp_most));
                 (kp, or(3, damping(kp, inertia, kd_most)))
             }
         };
@@ -264,11 +263,11 @@ impl Limit {
     }
 }
 
-/// Default stiffness of a joint that holds a torque at the longest lever, N·m/rad.
-fn stiffness(holds_nm: f64, torque_nm: f64, inertia_kg_m2: f64, largest: f64) -> f64 {
+/// Default stiffness of a joint, N·m/rad: `carrying`, with which the joint carries its load, within bounds.
+fn stiffness(carrying: f64, torque_nm: f64, inertia_kg_m2: f64, largest: f64) -> f64 {
     let most =
         (torque_nm / SATURATION_RAD).min(inertia_kg_m2 / CONTROL_PERIOD_S.powi(2)).min(largest);
-    two_digits((holds_nm / YIELD_RAD).min(most).max(KP_MIN_NM_RAD))
+    two_digits(carrying.min(most).max(KP_MIN_NM_RAD))
 }
 
 /// Default damping: critical on limb and rotor, or what is stable in the control period, N·m·s/rad.
@@ -291,17 +290,18 @@ fn two_digits(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::urdf::loads::LEG_YIELDS_RAD;
 
     #[test]
     fn gains_follow_from_load_and_inertia_within_bounds() {
         // 12 kg on four legs of 0.4 m: 11.8 N·m at the longest lever.
         let holds_nm = 12.0 * 9.81 / 4.0 * 0.4;
-        assert_eq!(stiffness(holds_nm, 30.0, 0.1, 655.0), 39.0);
+        assert_eq!(stiffness(holds_nm / LEG_YIELDS_RAD, 30.0, 0.1, 655.0), 39.0);
         // 2 √(39 · 0.1) = 3.9.
         assert_eq!(damping(39.0, 0.1, 65.0), 3.9);
         // A weak motor would saturate, a light limb would be unstable, and a giant exceeds the largest gain.
-        assert_eq!(stiffness(holds_nm, 2.0, 0.1, 655.0), 20.0);
-        assert_eq!(stiffness(holds_nm, 30.0, 0.001, 655.0), 14.0);
+        assert_eq!(stiffness(holds_nm / LEG_YIELDS_RAD, 2.0, 0.1, 655.0), 20.0);
+        assert_eq!(stiffness(holds_nm / LEG_YIELDS_RAD, 30.0, 0.001, 655.0), 14.0);
         assert_eq!(damping(39.0, 0.001, 65.0), 0.12);
         assert_eq!(stiffness(1e4, 1e4, 1e3, 655.0), 650.0);
         assert_eq!(stiffness(0.0, 1.0, 1e-6, 655.0), 0.1);

@@ -1,13 +1,19 @@
 //! Joints that become rigid: locked joints and axles of the side file. All kinds that robot files lack must be among them.
 
 use super::bodies::Rigid;
-use super::model::{Kind, Mimic, Urdf};
+use super::joints::has_degrees;
+use super::model::{Joint, Kind, Mimic, Urdf};
 use super::notes::Notes;
 use super::side::Side;
 use super::toml_text::{array, key, show};
 use super::tree::{Graph, Tree};
-use crate::document::{Document, alternatives};
+use crate::document::{Document, alternatives, in_other_unit};
 use std::collections::{HashMap, HashSet};
+use std::f64::consts::TAU;
+use std::ops::RangeInclusive;
+
+/// Distance beyond a limit that is a rounding error of an exporter, rad or m.
+const ROUNDING: f64 = 1e-3;
 
 /// Finds the joints that the side file names. Notes faults.
 pub(super) fn rigid(
@@ -61,7 +67,18 @@ fn lock(rigid: &mut Rigid, named: &Named<'_>, side: &Side, document: &Document<'
             fault("does not exist".into(), named.alternatives(&lock.joint));
             continue;
         };
-        match named.urdf.joints[index].kind {
+        let joint = &named.urdf.joints[index];
+        if let Some((range, unit)) = outside(named.urdf, joint, lock.position) {
+            let (least, most) = (show(*range.start()), show(*range.end()));
+            let slip = in_other_unit(lock.position, &range, unit);
+            fault(
+                format!("is locked at {} {unit}, outside its limits", lock.position),
+                format!(
+                    "give a position from {least} to {most} {unit}, or correct the limits in the model{slip}"
+                ),
+            );
+        }
+        match joint.kind {
             Kind::Fixed => fault("is already fixed".into(), "remove the joint from [lock]".into()),
             Kind::Planar | Kind::Floating if lock.position != 0.0 => {
                 fault(
@@ -74,6 +91,27 @@ fn lock(rigid: &mut Rigid, named: &Named<'_>, side: &Side, document: &Document<'
             }
         }
     }
+}
+
+/// Limits of a joint and their unit if a locked position is outside. A turn more or less is the same angle.
+fn outside(
+    urdf: &Urdf,
+    joint: &Joint,
+    position: f64,
+) -> Option<(RangeInclusive<f64>, &'static str)> {
+    let (lower, upper) = joint.limit.lower.zip(joint.limit.upper)?;
+    let (unit, turn) = match joint.kind {
+        Kind::Prismatic => ("m", 0.0),
+        Kind::Revolute if !has_degrees(urdf, joint) => ("rad", TAU),
+        _ => return None,
+    };
+    // Exporters leave limits blank, or exchange them.
+    if lower >= upper {
+        return None;
+    }
+    let range = lower - ROUNDING..=upper + ROUNDING;
+    let is_inside = [-turn, 0.0, turn].iter().any(|turn| range.contains(&(position + turn)));
+    (!is_inside).then_some((lower..=upper, unit))
 }
 
 /// Makes the joints of wheels axles.

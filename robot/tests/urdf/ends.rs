@@ -151,6 +151,24 @@ fn arms_heads_and_tails_are_no_feet() {
     assert_eq!(robot.joints.len(), 15, "the others stay joints");
 }
 
+/// A finger before the legs in the file gets the bus after theirs.
+#[test]
+fn legs_get_their_buses_before_arms() {
+    let mut made = Made::trunk();
+    made.link("finger", 0.2, [0.0, 0.0, 0.05], 1e-4, "");
+    made.joint("revolute", ["press", "trunk", "finger"], [0.1, 0.0, 0.1], [0.0, 1.0, 0.0], WIDE);
+    for (name, x, y) in CORNERS {
+        made.leg(name, "trunk", [x, y, 0.0]);
+    }
+    let (_, robot) = imported(&made.urdf());
+    let bus = |name: &str| {
+        let joint = robot.joints.iter().find(|joint| joint.name == name).unwrap();
+        joint.actuator.bus
+    };
+    let buses = ["LF_roll", "RF_knee", "LH_roll", "RH_knee", "press"].map(bus);
+    assert_eq!(buses, [0, 0, 1, 1, 2]);
+}
+
 /// Two legs with soles, two arms beside them and a head.
 fn humanoid(sole: &str) -> String {
     let mut made = Made::default();

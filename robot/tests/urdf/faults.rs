@@ -1,6 +1,6 @@
 //! Tests of error messages of imports: each class of fault has file, location, value and a remedy.
 
-use super::{SIDE, URDF, edited, imported};
+use super::{SIDE, URDF, edited, good, imported};
 
 #[track_caller]
 fn refused(urdf: &str, side: &str, words: &[&str]) {
@@ -134,6 +134,38 @@ fn joints_that_robot_files_do_not_have() {
     refused(URDF, &behind, &["rover.urdf", "`left_axle` moves a link that is part of a wheel"]);
 }
 
+/// Locks outside the limits of their joints are errors at the line of the side file, with the probable unit.
+#[test]
+fn locks_outside_the_limits_of_their_joint() {
+    let help = "give a position from 0.0 to 0.3 m, or correct the limits in the model";
+    for (given, slip) in [("300", "; 300 mm would be 0.3 m"), ("5.0", "; 5 mm would be 0.005 m")] {
+        let file = edited(SIDE, "mast = 0.15", &format!("mast = {given}"));
+        let error = imported(URDF, &file).unwrap_err();
+        let faults: Vec<_> = error.faults().collect();
+        let [fault] = &faults[..] else { panic!("{faults:?}") };
+        let number: f64 = given.parse().unwrap();
+        let message = format!("[lock]: joint `mast` is locked at {number} m, outside its limits");
+        assert_eq!((error.file_name(), &fault.message), ("rover.side.toml", &message));
+        let line = file.lines().position(|line| line.starts_with("mast")).unwrap();
+        assert_eq!((fault.line, &fault.help), (1 + line, &format!("{help}{slip}")));
+    }
+    let wild = "nod = 0.3\nleft_hip = 60";
+    side(
+        "nod = 0.3",
+        wild,
+        &[
+            "`left_hip` is locked at 60 rad",
+            "from -1.0 to 2.0 rad",
+            "; 60 degrees would be 1.0472 rad",
+        ],
+    );
+    // Rounded limits, and limits that the exporter left blank.
+    for (model, position) in [("upper=\"0.3\"", "0.3005"), ("upper=\"0\"", "0.15")] {
+        let model = edited(URDF, "upper=\"0.3\"", model);
+        good(&model, &edited(SIDE, "mast = 0.15", &format!("mast = {position}")));
+    }
+}
+
 #[test]
 fn joints_that_cannot_move_or_follow() {
     let unlocked = edited(SIDE, "nod = 0.3", "");
@@ -182,6 +214,12 @@ fn side_files_that_do_not_fit() {
         "nominal_rad = 40.0",
         &["`left_hip`", "`nominal_rad` is 40", "degrees"],
     );
+    // The marker is at the value in the side file.
+    let wrong = SIDE.replacen("radius_m = 0.025", "radius_m = 20", 2);
+    let error = imported(URDF, &wrong).unwrap_err();
+    let lines: Vec<_> = wrong.lines().collect();
+    let marked: Vec<_> = error.faults().map(|fault| lines[fault.line - 1]).collect();
+    assert_eq!(marked, ["radius_m = 20", "radius_m = 20"]);
     side("nominal_rad = 0.7", "nominal_rad = -1.5", &["`left_hip`", "within the limits"]);
     side("bus = 3, id = 9", "bus = 4, id = 9", &["`bus` must be a whole number from 0 to 3"]);
     side("bus = 3, id = 9", "bus = 3", &["`id` is missing"]);

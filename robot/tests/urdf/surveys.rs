@@ -1,7 +1,7 @@
 //! Tests that the survey finds feet and wheels, and that its side file imports unchanged.
 
 use super::{URDF, edited};
-use rollwalk_robot::urdf::{Survey, Text, import, survey};
+use rollwalk_robot::urdf::{Survey, Text, import, is_unchanged, survey};
 
 #[track_caller]
 fn surveyed(urdf: &str) -> Survey {
@@ -28,6 +28,12 @@ fn the_template_imports_and_stands() {
     let text = Text { name: "rover.urdf", text: URDF };
     let robot = import(text, Text { name: "template", text: &found.template }).unwrap().robot;
     assert_eq!(robot.joints.len(), 5);
+    let toml = import(text, Text { name: "template", text: &found.template }).unwrap().toml;
+    assert!(is_unchanged(&toml) && is_unchanged(&toml.replace('\n', "\r\n")), "{toml}");
+    let line = toml.lines().find(|line| line.contains("is unchanged")).unwrap();
+    for edited in [toml.replacen("kp_nm_rad = ", "kp_nm_rad = 1", 1), toml.replace(line, "")] {
+        assert!(edited != toml && !is_unchanged(&edited), "{edited}");
+    }
     assert!(found.template.contains("[lock]\nmast = 0.0\nnod = 0.0"), "{}", found.template);
     // Hips are 0.2 m ahead. Both legs, of 0.4 m and with mirrored axes, stand equally deep, and knees bend backward.
     let [left, right] = [&found.end_effectors[2].center_m, &found.end_effectors[3].center_m];
