@@ -64,6 +64,30 @@ fn what_speaks_against_a_robot_is_warned_of() {
     assert!(flat.contains("warning: a wheel lies flat in the nominal pose"), "{flat}");
 }
 
+/// A robot that needs feedback, or a stand, is described as such.
+#[test]
+fn robots_that_fall_without_feedback_are_described() {
+    let desk = desk_with_shipped_files();
+    let agilebot = desk.run(&["robot", "check", "robots/agilebot.toml"]).succeeds();
+    assert!(!agilebot.contains("balance:") && agilebot.contains("leg length m"), "{agilebot}");
+    let leg = desk.run(&["robot", "check", "robots/test_leg.toml"]).succeeds();
+    let words = "balance: 1 feet and wheels do not hold the robot upright without feedback.";
+    assert!(leg.contains(words) && leg.contains("`rollwalk-sim` need --on stand"), "{leg}");
+}
+
+/// Pairs of links that overlap are one warning.
+#[test]
+fn overlaps_are_one_warning() {
+    let desk = desk_with_shipped_files();
+    let file = "robots/agilebot.toml";
+    let text = desk.read(file).replace("radius_m = 0.025 }", "radius_m = 0.09 }");
+    desk.write(file, text);
+    let checked = desk.run(&["robot", "check", file]).stderr;
+    let overlaps = checked.lines().filter(|line| line.contains("plans do not keep them apart"));
+    let [line] = &overlaps.collect::<Vec<_>>()[..] else { panic!("{checked}") };
+    assert!(line.matches(" overlap by ").count() > 2, "{line}");
+}
+
 #[test]
 fn planning_warns_of_what_speaks_against_the_robot() {
     let desk = desk_with_shipped_files();

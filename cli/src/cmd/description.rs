@@ -1,7 +1,7 @@
 //! Text description of a robot: tree, joints and end effectors.
 
 use rollwalk_robot::{Actuator, Channel, Joint, JointRatio, Robot};
-use rollwalk_terminal::output::Table;
+use rollwalk_terminal::output::{Table, fixed};
 use std::fmt::Write;
 
 /// Describes the robot as text: tree, joints, end effectors.
@@ -33,9 +33,9 @@ pub fn describe(robot: &Robot) -> String {
         let of_motor = |text: String| if joint.is_passive() { "–".to_owned() } else { text };
         joints.row([
             joint.name.clone(),
-            format!("{:.3}", joint.position_min_rad),
-            format!("{:.3}", joint.position_max_rad),
-            format!("{:.3}", joint.nominal_rad),
+            fixed::<3>(joint.position_min_rad),
+            fixed::<3>(joint.position_max_rad),
+            fixed::<3>(joint.nominal_rad),
             of_motor(format!("{speed_max_rad_s:.2}")),
             of_motor(format!("{torque_max_nm:.2}")),
             of_motor(model.clone()),
@@ -105,8 +105,8 @@ fn couplings(robot: &Robot) -> Table {
         let shown: Vec<_> = ratios.ratios(index).iter().map(shown).collect();
         table.row([
             joint.name.clone(),
-            format!("{:.3}", channel.min),
-            format!("{:.3}", channel.max),
+            fixed::<3>(channel.min.into()),
+            fixed::<3>(channel.max.into()),
             shown.join(" + "),
             format!("{speed_rad_s:.2}"),
             format!("{torque_nm:.2}"),
@@ -117,15 +117,21 @@ fn couplings(robot: &Robot) -> Table {
 
 /// Springs and dampers of joints, with the torque of the spring in the nominal pose.
 fn springs(robot: &Robot) -> Table {
-    let mut table = Table::new(["joint", "N·m/rad", "rest rad", "N·m·s/rad", "nominal N·m"]);
+    let mut table = Table::new([
+        "spring of joint",
+        "stiffness N·m/rad",
+        "rest rad",
+        "damping N·m·s/rad",
+        "torque in nominal pose N·m",
+    ]);
     for joint in &robot.joints {
         let Some(spring) = &joint.spring else { continue };
         table.row([
             joint.name.clone(),
-            format!("{:.3}", spring.stiffness_nm_rad),
-            format!("{:.3}", spring.rest_rad),
-            format!("{:.3}", spring.damping_nm_s_rad),
-            format!("{:.3}", spring.torque_nm(joint.nominal_rad, 0.0)),
+            fixed::<3>(spring.stiffness_nm_rad),
+            fixed::<3>(spring.rest_rad),
+            fixed::<3>(spring.damping_nm_s_rad),
+            fixed::<3>(spring.torque_nm(joint.nominal_rad, 0.0)),
         ]);
     }
     table

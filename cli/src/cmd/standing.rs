@@ -2,7 +2,7 @@
 //! `rollwalk robot check`.
 
 use rollwalk_multibody::{PassiveLoad, Standing, Tree, passive_loads, warnings};
-use rollwalk_robot::Robot;
+use rollwalk_robot::{EndEffector, Robot};
 use rollwalk_terminal::output::{Table, fixed};
 use serde::Serialize;
 use std::fmt::Write;
@@ -48,6 +48,8 @@ struct ContactLoad {
     force_n: f64,
     /// Sag of the body at this contact due to joint deflection, m.
     sag_m: f64,
+    /// Length of the stretched limb from its first joint to the ground, m; 0 without joints.
+    leg_m: f64,
 }
 
 #[derive(Debug, Serialize)]
@@ -151,6 +153,7 @@ impl StandingReport {
                     position_m: contact.position.into(),
                     force_n: contact.force_n,
                     sag_m: contact.sag_m,
+                    leg_m: leg_m(&tree, &standing, end),
                 })
                 .collect(),
             joints: joints
@@ -245,20 +248,17 @@ impl StandingReport {
                 100.0 * SHARE_MAX
             ));
         }
-        let margin_mm = 1e3 * self.clearance_margin_m;
-        for near in self.clearances.iter().filter(|near| near.distance_m < self.clearance_margin_m)
-        {
-            let [first, second] = &near.links;
-            let apart = apart(near.distance_m);
-            let so = if near.distance_m < 0.0 {
-                "plans do not keep them apart"
-            } else {
-                "plans may bring them this close"
-            };
-            warnings.push(format!(
-                "links `{first}` and `{second}` {apart} in the nominal pose, so {so}; expected at least {margin_mm:.1} mm: check `shapes`, `nominal_rad` or `clearance_margin_m`"
-            ));
+        let margin_m = self.clearance_margin_m;
+        let near: Vec<_> =
+            self.clearances.iter().filter(|near| near.distance_m < margin_m).collect();
+        let (overlapping, close): (Vec<_>, Vec<_>) =
+            near.into_iter().partition(|near| near.distance_m < 0.0);
+        if !overlapping.is_empty() {
+            let so = "plans do not keep them apart";
+            warnings.push(self.too_near(&overlapping, so));
         }
+        let so = "plans may bring them this close";
+        warnings.extend(close.into_iter().map(|near| self.too_near(&[near], so)));
         for height in &self.heights {
             let Height { link, height_m, least_m, .. } = height;
             if *height_m < -LEVEL_M {
@@ -279,6 +279,19 @@ impl StandingReport {
         warnings
     }
 
+    /// Warning about pairs of links below the margin.
+    fn too_near(&self, pairs: &[&Clearance], so: &str) -> String {
+        let described = |near: &&Clearance| {
+            let [first, second] = &near.links;
+            format!("`{first}` and `{second}` {}", apart(near.distance_m))
+        };
+        format!(
+            "links {} in the nominal pose, so {so}; expected at least {:.1} mm: check `shapes`, `nominal_rad` or `clearance_margin_m`",
+            pairs.iter().map(described).collect::<Vec<_>>().join(", "),
+            1e3 * self.clearance_margin_m
+        )
+    }
+
     /// Warning about the lowest shape if it is in the ground; `None` if all shapes are above.
     pub fn shape_in_ground(&self) -> Option<String> {
         let lowest = self.heights.iter().min_by(|a, b| a.height_m.total_cmp(&b.height_m))?;
@@ -292,9 +305,16 @@ impl StandingReport {
         let mut text = format!(
             "standing in the nominal pose: body origin {height} m high, centre of mass {z} m high, {x} m forward, {y} m left\n\n"
         );
-        let mut contacts =
-            Table::new(["end effector", "forward m", "left m", "height mm", "force N", "sag mm"]);
-        for ContactLoad { name, position_m: [x, y, z], force_n, sag_m } in &self.contacts {
+        let mut contacts = Table::new([
+            "end effector",
+            "forward m",
+            "left m",
+            "height mm",
+            "force N",
+            "sag mm",
+            "leg length m",
+        ]);
+        for ContactLoad { name, position_m: [x, y, z], force_n, sag_m, leg_m } in &self.contacts {
             contacts.row([
                 name.clone(),
                 fixed::<3>(*x),
@@ -302,6 +322,7 @@ impl StandingReport {
                 fixed::<1>(1e3 * z),
                 fixed::<1>(*force_n),
                 fixed::<1>(1e3 * sag_m),
+                fixed::<3>(*leg_m),
             ]);
         }
         let _ = writeln!(text, "{}", contacts.render());
@@ -351,6 +372,19 @@ impl StandingReport {
         }
         text
     }
+}
+
+/// Length of the stretched limb of an end effector, from its first joint to the ground.
+fn leg_m(tree: &Tree, standing: &Standing, end: &EndEffector) -> f64 {
+    let Standing { frames, .. } = standing;
+    let joints = tree.joints_to_link(end.link).iter();
+    let mut points: Vec<_> =
+        joints.map(|&joint| frames.link_origins[tree.robot().joints[joint].child]).collect();
+    if points.is_empty() {
+        return 0.0;
+    }
+    points.push(frames.point(end.link, &end.center_in_link_m));
+    points.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum::<f64>() + end.radius_m
 }
 
 fn apart(distance_m: f64) -> String {
