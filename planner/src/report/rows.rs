@@ -167,10 +167,9 @@ fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<WorstCase> {
     }
     for w in timeline.samples() {
         for (j, foot) in feet(timeline) {
-            let above_m = w.here.contact_height_m(j);
             let (row, off) = match w.here.stands(j) {
-                true => (&mut height, above_m.abs()),
-                false => (&mut dip, (-above_m).max(0.0)),
+                true => (&mut height, w.here.contact_height_m(j).abs()),
+                false => (&mut dip, w.here.depth_m(j)),
             };
             row.record(off, &w, Some(&foot.name));
         }

@@ -9,6 +9,7 @@ mod layers;
 mod lying;
 mod motion_files;
 mod optimise;
+mod ramps;
 mod receding;
 mod refine;
 mod robots;

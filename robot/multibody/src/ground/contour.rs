@@ -8,6 +8,8 @@ use super::spline::Lattice;
 use super::{Elevation, Profile};
 use nalgebra::{Matrix2, Vector2};
 
+/// Slope from which a part of a profile counts as an edge, and not as a ramp, in [`Filter::Highest`].
+const STEEP: f64 = 0.5;
 /// Number of samples per standard deviation of the final smoothing.
 const SAMPLES_PER_DEVIATION: f64 = 5.0;
 
@@ -22,7 +24,7 @@ pub struct Contour {
 pub enum Filter {
     /// Identity.
     Plain,
-    /// Maximum over the distance to both sides, m.
+    /// Maximum of the edges over the distance to both sides, m. Ramps stay: a swing has to come down to them.
     Highest(f64),
     /// Closing by a disc of the given radius, m: the surface that a rolling disc can touch. Concave corners get the disc's
     /// radius, convex edges stay.
@@ -41,11 +43,18 @@ impl Contour {
         let beyond_m = 2.0 * reach_m + (CUT_OFF + 1.0) * deviation_m;
         let count = ((last_m - first_m + 2.0 * beyond_m) / spacing_m).ceil() as usize + 4;
         let origin_m = first_m - beyond_m;
-        let sampled = (0..count).map(|k| profile.height_m(origin_m + spacing_m * k as f64));
-        let plain: Vec<f64> = sampled.collect();
+        let sampled = |profile: &Profile| -> Vec<f64> {
+            (0..count).map(|k| profile.height_m(origin_m + spacing_m * k as f64)).collect()
+        };
+        let plain = sampled(profile);
         let filtered = match filter {
             Filter::Plain => plain,
-            Filter::Highest(reach_m) => extremes(&plain, spacing_m, reach_m, |_| 0.0, 1.0),
+            Filter::Highest(reach_m) => {
+                let ramps = sampled(&profile.ramps(STEEP));
+                let edges: Vec<f64> = plain.iter().zip(&ramps).map(|(z, ramp)| z - ramp).collect();
+                let highest = extremes(&edges, spacing_m, reach_m, |_| 0.0, 1.0);
+                highest.iter().zip(&ramps).map(|(edges, ramp)| edges + ramp).collect()
+            }
             Filter::Rolled(radius_m) => {
                 let cap = |x: f64| (radius_m * radius_m - x * x).max(0.0).sqrt();
                 let centers = extremes(&plain, spacing_m, radius_m, cap, 1.0);
@@ -136,6 +145,22 @@ mod tests {
         let contour = Contour::of(&step, Filter::Highest(0.04), 0.005);
         assert!(contour.elevation(-0.04 - 0.02).height_m < 1e-4);
         assert!(contour.elevation(-0.04 + 0.02).height_m > 0.1 - 1e-4);
+    }
+
+    #[test]
+    fn a_swing_comes_down_to_a_ramp_and_stays_above_the_edge_at_its_end() {
+        let profile = Profile::new(vec![[0.0, 0.0], [0.6, 0.1], [0.6, 0.15]]).unwrap();
+        let contour = Contour::of(&profile, Filter::Highest(0.06), 0.01);
+        // Within the reach of the edge, the ramp is raised by the riser of 50 mm.
+        for (x_m, edge_m) in [(0.1, 0.0), (0.3, 0.0), (0.5, 0.0), (0.57, 0.05)] {
+            let found_m = contour.elevation(x_m).height_m;
+            // Three standard deviations and more from the edges of the envelope: 0.00135 of the riser.
+            assert!((found_m - (x_m / 6.0 + edge_m)).abs() < 1e-4, "{x_m}: {found_m}");
+        }
+        // A steep ramp is an edge.
+        let steep = Profile::ramp(0.0, 0.1, 0.1).unwrap();
+        let contour = Contour::of(&steep, Filter::Highest(0.06), 0.005);
+        assert!((contour.elevation(0.0).height_m - 0.06).abs() < 1e-3);
     }
 
     #[test]

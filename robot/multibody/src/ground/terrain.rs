@@ -130,6 +130,17 @@ impl Profile {
         std::iter::once(ends[0]).chain(inside.copied()).chain([ends[1]]).collect()
     }
 
+    /// Profile of the parts that rise or fall by less than `steep` per metre, from height 0. Steeper parts and walls are level.
+    pub(super) fn ramps(&self, steep: f64) -> Self {
+        let mut corners = vec![[self.corners[0][0], 0.0]];
+        for pair in self.corners.windows(2) {
+            let [dx, dz] = [pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]];
+            let rise_m = if dz.abs() < steep * dx { dz } else { 0.0 };
+            corners.push([pair[1][0], corners[corners.len() - 1][1] + rise_m]);
+        }
+        Self { corners }
+    }
+
     /// Parts that are not walls, in order: `[from, to]` along x, with infinity at both ends, and the line through each.
     pub fn treads(&self) -> Vec<Tread> {
         let (first, last) = (self.corners[0], self.corners[self.corners.len() - 1]);
