@@ -43,6 +43,20 @@ pub struct Pattern {
     pub motion: Motion,
 }
 
+impl PatternKind {
+    /// Keys of `[footfalls]` in a motion file that give this pattern; `None` for the pattern of the file.
+    pub fn footfall_keys(&self) -> Option<String> {
+        match self {
+            Self::Given => None,
+            Self::AllStance => Some("all = \"stance\"".into()),
+            Self::Gait { name, duty, cycles } => {
+                let cycles = cycles.map(|cycles| format!(", cycles = {cycles}"));
+                Some(format!("gait = \"{name}\", duty = {duty}{}", cycles.unwrap_or_default()))
+            }
+        }
+    }
+}
+
 impl fmt::Display for PatternKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -141,6 +155,11 @@ mod tests {
             // All feet stand already, so that rolling is the given pattern.
             assert_eq!(patterns.len(), 1 + 5 * DUTIES.len());
             assert_eq!(patterns[0].kind.to_string(), "as given");
+            let cycles = if ends == Ends::Periodic { "" } else { ", cycles = 2" };
+            assert_eq!(
+                patterns[1].kind.footfall_keys(),
+                Some(format!("gait = \"{}\", duty = 0.6{cycles}", GAITS[0].0))
+            );
             for pattern in &patterns[1..] {
                 let stance = &pattern.motion.stance;
                 assert!(pattern.motion.swing_height_m > 0.01, "{}", pattern.kind);

@@ -27,6 +27,8 @@ pub struct RankedPattern {
     as_played: Option<f64>,
     /// Sum of the costs.
     cost: Option<f64>,
+    /// Keys of a motion file with this pattern; null for the pattern of the file.
+    motion_keys: Option<String>,
     #[serde(skip)]
     plan: Option<Plan>,
 }
@@ -45,6 +47,14 @@ impl RankedPattern {
             simulation: simulation.and_then(simulated),
             as_played: played.map(Row::part_of_level),
             cost: plan.as_ref().map(|plan| Objective::PlanCost.of_plan(plan, &options.weights)),
+            motion_keys: kind.footfall_keys().zip(plan.as_ref()).map(|(footfalls, plan)| {
+                let Motion { duration_s, swing_height_m, stance, .. } = &plan.motion;
+                format!(
+                    "duration_s = {duration_s:.3}, swing_height_m = {swing_height_m:.3}, samples = {}, and \
+                     [footfalls] with {footfalls}",
+                    stance.len()
+                )
+            }),
             plan,
         }
     }
@@ -138,6 +148,10 @@ impl GaitSearch {
             let line = cells.collect::<Vec<_>>().join("  ");
             text += line.trim_end();
             text.push('\n');
+        }
+        match self.patterns.first().and_then(|best| best.motion_keys.as_ref()) {
+            Some(keys) => text += &format!("the plan has pattern 1; its motion file: {keys}\n"),
+            None => text += "the plan has pattern 1, as given\n",
         }
         text
     }
