@@ -80,7 +80,7 @@ fn robots_that_fall_without_feedback_are_described() {
 fn overlaps_are_one_warning() {
     let desk = desk_with_shipped_files();
     let file = "robots/agilebot.toml";
-    let text = desk.read(file).replace("radius_m = 0.025 }", "radius_m = 0.09 }");
+    let text = desk.read_text(file).replace("radius_m = 0.025 }", "radius_m = 0.09 }");
     desk.write(file, text);
     let checked = desk.run(&["robot", "check", file]).stderr;
     let overlaps = checked.lines().filter(|line| line.contains("plans do not keep them apart"));

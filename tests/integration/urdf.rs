@@ -80,12 +80,12 @@ fn a_urdf_becomes_a_robot_that_trots() {
     }
     // The import replaces its own output, but no edited file.
     let again = ["robot", "import", "quad.urdf", "--with", "side.toml", "-o", "quad.toml"];
-    let text = desk.read("quad.toml");
+    let text = desk.read_text("quad.toml");
     desk.run(&again).succeeds();
     desk.write("quad.toml", format!("{text}# mine\n"));
     let refusal = ["quad.toml exists already, and is not the unchanged output", "another name"];
     desk.run(&again).fails(1, &refusal);
-    assert_eq!(desk.read("quad.toml"), format!("{text}# mine\n"));
+    assert_eq!(desk.read_text("quad.toml"), format!("{text}# mine\n"));
     desk.write(
         "trot.toml",
         "name = \"trot\"\nrobot = \"quad.toml\"\nduration_s = 0.6\nends = \"periodic\"\nswing_height_m = 0.04\n\
