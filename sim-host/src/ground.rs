@@ -33,6 +33,9 @@ pub const WORLD_RATE_HZ: u32 = 240;
 const STEP_S: f64 = 1.0 / WORLD_RATE_HZ as f64;
 /// Time without torque after which the hoist picks up a robot, s.
 const PICKED_UP_S: f64 = 3.0;
+/// Time after which a hoist that is still too low for the pose of the legs releases the robot, s.
+const RAISED_S: f64 = 1.0;
+
 /// Fall of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fall {
@@ -49,6 +52,8 @@ pub struct Grounded {
     steps: Periodic,
     hoist: Option<Hoist>,
     lets_go: ReleaseCondition,
+    /// Time since which the hoist is to release the robot; `None` if it is not.
+    release_since: Option<SimTime>,
     fall_watch: FallWatch,
     /// Rotation from world axes to the axes in which travel is measured.
     ground_from_world: Rotation3<f64>,
@@ -115,6 +120,7 @@ impl Grounded {
             steps: Periodic::new(WORLD_RATE_HZ),
             hoist: Some(Hoist::at(origin, 0.0)),
             lets_go,
+            release_since: None,
             fall_watch,
             ground_from_world: ground_from_world(ground.as_ref()),
             lines,
@@ -189,16 +195,31 @@ impl Grounded {
         }
     }
 
+    /// Releases a robot that is to be released once its feet do not press on the ground, or after a while.
+    fn release_at_height(&mut self, now: SimTime) {
+        let is_loaded = self.hoist.as_ref().is_some_and(Hoist::is_loaded);
+        let waited = |since: SimTime| (now - since).as_s() > RAISED_S;
+        if self.release_since.is_some_and(|since| !is_loaded || waited(since)) {
+            self.release();
+        }
+    }
+
     /// Removes and returns the travels of all motions that have ended.
     pub fn take_travels(&mut self) -> Vec<Travel> {
         std::mem::take(&mut self.travels)
     }
 
-    /// Sets the motion of the robot. At the first motion the hoist releases the robot. A robot that began on its body may lie
+    /// Sets the motion of the robot. At the first motion the hoist releases the robot, as soon as
+    /// its feet do not press on the ground. A robot that began on its body may lie
     /// down again if `may_lie`.
     pub fn on_moving(&mut self, now: SimTime, motion: Option<Moving>, may_lie: bool) {
-        if motion.is_some() && matches!(self.lets_go, ReleaseCondition::WhenItPlays) {
-            self.release();
+        match self.lets_go {
+            ReleaseCondition::WhenItPlays if motion.is_none() => self.release_since = None,
+            ReleaseCondition::WhenItPlays => {
+                self.release_since.get_or_insert(now);
+                self.release_at_height(now);
+            }
+            ReleaseCondition::WhenItStands(_) => {}
         }
         self.may_lie = may_lie;
         if may_lie {
@@ -250,7 +271,7 @@ impl Grounded {
         self.world.push(mean_force(&self.shoves, time_s, STEP_S, heading_rad(&rotation)));
         let clearance_m = self.world.clearance_m();
         if let Some(hoist) = &mut self.hoist {
-            hoist.follow_feet(clearance_m, STEP_S);
+            hoist.follow_feet(clearance_m, STEP_S, self.release_since.is_some());
         }
         self.world.hold(self.hoist.as_ref().map(Hoist::pose));
         self.world.step(STEP_S)?;
@@ -297,6 +318,7 @@ impl Grounded {
             {
                 self.release();
             }
+            self.release_at_height(now);
             return;
         }
         if !self.may_lie {

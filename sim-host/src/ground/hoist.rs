@@ -6,6 +6,10 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 
 /// Maximum vertical speed of the hoist, m/s.
 const SPEED_M_S: f64 = 0.3;
+/// Vertical speed at which the hoist lifts feet that press on the ground, m/s.
+const LIFT_M_S: f64 = 0.1;
+/// Depth of the lowest point in the ground from which feet count as pressing, m.
+const PRESSED_M: f64 = 1e-5;
 /// Time with unchanged targets after which motors count as standing, s.
 const STILL_S: f64 = 0.1;
 /// Time with torque after which motors count as standing even if their targets change, s.
@@ -18,12 +22,13 @@ const SAME_RAD: f64 = 1e-4;
 pub struct Hoist {
     origin: Vector3<f64>,
     heading_rad: f64,
+    is_loaded: bool,
 }
 
 impl Hoist {
     /// Creates a hoist that holds the body level, with its origin at a point.
     pub fn at(origin: Vector3<f64>, heading_rad: f64) -> Self {
-        Self { origin, heading_rad }
+        Self { origin, heading_rad, is_loaded: false }
     }
 
     /// Origin of the body, m, and rotation from body to world.
@@ -32,9 +37,19 @@ impl Hoist {
     }
 
     /// Moves vertically until the lowest point of the robot touches the ground; `clearance_m` is its present height, m.
-    pub fn follow_feet(&mut self, clearance_m: f64, step_s: f64) {
+    ///
+    /// Legs with torque that press on the ground hardly sink into it, so the hoist follows them slowly. If `lifts`, the hoist
+    /// rises at a speed of its own until no foot presses.
+    pub fn follow_feet(&mut self, clearance_m: f64, step_s: f64, lifts: bool) {
         let most_m = SPEED_M_S * step_s;
-        self.origin.z -= clearance_m.clamp(-most_m, most_m);
+        self.is_loaded = clearance_m < -PRESSED_M;
+        let lift_m = if lifts && self.is_loaded { LIFT_M_S * step_s } else { 0.0 };
+        self.origin.z += (lift_m - clearance_m).clamp(-most_m, most_m);
+    }
+
+    /// True if feet press on the ground, because the hoist is too low for the pose of the legs.
+    pub fn is_loaded(&self) -> bool {
+        self.is_loaded
     }
 }
 

@@ -57,6 +57,31 @@ fn a_robot_hangs_in_the_hoist_until_it_plays_and_again_without_torque() {
     assert_eq!(ground(&session).falls(), []);
 }
 
+/// A robot that is armed soon after the hoist picked it up is released at its standing height, not below.
+#[test]
+fn the_hoist_releases_a_robot_at_its_standing_height() {
+    let mut session = in_hoist(0.0);
+    session.arm().unwrap();
+    session.run_for(2 * S).unwrap();
+    let height_m = |session: &Session<Rig>| ground(session).world().base().0.z;
+    let standing_m = height_m(&session);
+    for wait_us in [3_700_000, 5 * S] {
+        session.disarm().unwrap();
+        session.run_for(wait_us).unwrap();
+        assert!(ground(&session).is_held());
+        session.arm().unwrap();
+        for _ in 0..40 {
+            session.run_for(S / 20).unwrap();
+            if !ground(&session).is_held() {
+                let off_m = height_m(&session) - standing_m;
+                assert!(off_m.abs() < 0.003, "{off_m} m from its standing height");
+            }
+        }
+        assert!(!ground(&session).is_held());
+    }
+    assert_eq!(ground(&session).falls(), []);
+}
+
 #[test]
 fn what_became_of_each_clip_in_the_world_is_told() {
     let mut session = in_hoist(0.0);
