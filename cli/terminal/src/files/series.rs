@@ -86,7 +86,7 @@ impl Clock {
     }
 }
 
-/// Files of a run, written one after the other. Existing files are never overwritten, except the first, which the user named.
+/// Files of a run, written one after the other. Existing files are never overwritten.
 pub struct Series {
     /// First file, as the user named it.
     named: PathBuf,
@@ -104,11 +104,13 @@ pub struct Series {
 }
 
 impl Series {
-    /// Creates or empties the file of `output`, and starts the series with it.
+    /// Creates the file of `output`, and starts the series with it. An existing file with content is renamed to the next free
+    /// number.
     ///
     /// # Errors
     /// Returns an error if the operating system refuses.
     pub fn begin(output: &Output, rotation: Rotation) -> miette::Result<(Self, BufWriter<File>)> {
+        put_aside(output)?;
         let file = output.create()?;
         let series = Self {
             named: output.path().to_owned(),
@@ -172,6 +174,23 @@ impl Series {
             }
         }
     }
+}
+
+/// Renames an existing file with content to the next free number, so that no recording is lost.
+fn put_aside(output: &Output) -> miette::Result<()> {
+    let target = output.target();
+    if !fs::metadata(target).is_ok_and(|found| found.is_file() && found.len() > 0) {
+        return Ok(());
+    }
+    let mut names = (2..).map(|number| numbered(target, number));
+    let free = names.find(|path| !path.exists()).unwrap_or_default();
+    fs::rename(target, &free).map_err(|error| cannot_write(&free, error))?;
+    output::print_line(format_args!(
+        "{} existed: the previous recording is now {}",
+        output.path().display(),
+        free.display()
+    ));
+    Ok(())
 }
 
 fn copy(path: &Path, file: &File) -> miette::Result<File> {
@@ -293,6 +312,19 @@ mod tests {
         drop(file);
         let (old, now) = (("run.4.log".into(), Some(b'c')), ("run.5.log".into(), None));
         assert_eq!(files(folder.path()), [("run.3.log".into(), Some(b'x')), old, now]);
+    }
+
+    #[test]
+    fn a_previous_recording_is_kept_under_the_next_free_number() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("run.log"), "a").unwrap();
+        fs::write(folder.path().join("run.2.log"), "b").unwrap();
+        drop(series(folder.path(), 2));
+        let (now, old) = (("run.log".into(), None), ("run.3.log".into(), Some(b'a')));
+        assert_eq!(files(folder.path()), [("run.2.log".into(), Some(b'b')), old, now.clone()]);
+        // An empty file holds nothing.
+        drop(series(folder.path(), 2));
+        assert_eq!(files(folder.path())[2], now);
     }
 
     #[test]
