@@ -65,7 +65,8 @@ pub enum LibraryError {
     /// A value changes faster than its motor allows.
     #[error(
         "{motion}: {channel} changes by {rate:.2} {unit} per second just before {time_s:.3} s; \
-         give the motion a longer duration, because the limit is {limit:.2} {unit} per second"
+         give the motion a longer duration, because the limit is {limit:.2} {unit} per \
+         second{cause}"
     )]
     TooFast {
         /// Name of the motion or transition.
@@ -78,6 +79,8 @@ pub enum LibraryError {
         rate: f64,
         /// Limit of the rate of change, unit per second.
         limit: f64,
+        /// Origin of the limit, to follow its unit.
+        cause: &'static str,
         /// Unit of the value.
         unit: &'static str,
     },

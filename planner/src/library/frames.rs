@@ -133,6 +133,13 @@ impl Channels<'_> {
             rate: change.abs() * f64::from(RATE_HZ),
             limit,
             unit: unit(channel),
+            cause: match channel.kind {
+                ChannelKind::JointPosition => "",
+                ChannelKind::WheelSpeed => {
+                    ", the smaller of friction_coefficient * g / radius_m and torque_max_nm / \
+                     armature_kg_m2 in the robot file"
+                }
+            },
         })
     }
 
