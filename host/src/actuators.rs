@@ -231,7 +231,11 @@ mod tests {
         }
         let gone = fault_words(Fault::BusOff, Some(BusKind::ServoLine));
         assert_eq!(gone.name, "the serial adapter of the servos is gone");
-        assert!(gone.advice.starts_with("plug the adapter in again"), "{}", gone.advice);
+        assert!(
+            gone.advice.starts_with("switch motor power off, plug the adapter in again"),
+            "{}",
+            gone.advice
+        );
         let off = fault_words(Fault::BusOff, Some(BusKind::Can));
         assert!(off.name.contains("CAN bus") && off.advice.contains("CAN_H"), "{off:?}");
     }

@@ -2,12 +2,27 @@
 
 use crate::actuators::{Actuators, BusKind, conditions, event_words, fault_names_on, fault_words};
 use rollwalk_protocol::actuator::ActuatorStatus;
-use rollwalk_protocol::faults::{Event, Fault, FaultBits};
+use rollwalk_protocol::faults::{Event, Fault, FaultBits, Quantity};
 use rollwalk_protocol::wire::{LogEntry, State, Status, Torque};
 
 /// Behaviour of a robot that receives no heartbeats.
 pub const LEFT_ALONE: &str = "an armed robot then returns to SAFE automatically, or halts if it was following streamed \
      setpoints";
+
+/// Behaviour of a robot in a state, if its controller runs but no frame of a host arrives. `None` without driven torque.
+pub fn alone(state: State) -> Option<&'static str> {
+    match (state.torque(), state) {
+        (Torque::Off, _) => None,
+        (_, State::Streaming) => {
+            Some("without setpoints a live controller holds the robot's pose, then lets it sink")
+        }
+        (_, State::Aligning | State::Damped) => Some("a live controller lets the robot sink"),
+        _ => Some(
+            "without heartbeats a live controller returns the robot to SAFE, then switches torque \
+             off",
+        ),
+    }
+}
 
 /// Description of a robot that an emergency stop has stopped.
 const ESTOPPED: &str = "stopped by an emergency stop";
@@ -130,7 +145,13 @@ pub fn report_details(fault: Fault, channel: Option<String>, value: Option<f32>)
     let value = fault.description().value.zip(value);
     let value = value.map(|(quantity, value)| match fault {
         Fault::ActuatorFault => actuator_status(ActuatorStatus(value as u8)),
-        _ => quantity.reading(value).to_string(),
+        _ => match quantity {
+            Quantity::MeasuredUnless(_, _, negative) if value < 0.0 => negative.to_owned(),
+            Quantity::Measured("rad", what) | Quantity::MeasuredUnless("rad", what, _) => {
+                format!("{:.0}° {what}", value.to_degrees())
+            }
+            _ => quantity.reading(value).to_string(),
+        },
     });
     let details: Vec<_> = channel.into_iter().chain(value).collect();
     if details.is_empty() { String::new() } else { format!(" ({})", details.join(", ")) }
@@ -201,7 +222,7 @@ mod tests {
         let knee = || Some("knee".to_owned());
         for (fault, channel, value, expected) in [
             (Fault::Tilt, None, -1.0, " (the IMU is silent)"),
-            (Fault::Tilt, None, 0.5, " (0.500 rad beyond the tilt of its motion)"),
+            (Fault::Tilt, None, 0.5, " (29° beyond the tilt of its motion)"),
             (Fault::Overrun, None, 0.08, " (0.080 s from one tick to the next)"),
             (
                 Fault::ActuatorFault,
@@ -215,7 +236,7 @@ mod tests {
                 0.0,
                 " (knee, torque off without an error: a drop of the supply voltage may have reset the servo)",
             ),
-            (Fault::TrackingError, knee(), 0.91, " (knee, 0.910 rad from its setpoint)"),
+            (Fault::TrackingError, knee(), 0.91, " (knee, 52° from its setpoint)"),
             (Fault::BusOff, None, 1.0, " (bus 1)"),
             (Fault::EStop, None, 0.0, ""),
         ] {

@@ -3,10 +3,12 @@
 //! The diagnosis is a pure function of [`Observations`], which the caller collects from a bus.
 
 mod actuators;
+mod gains;
 mod link_key;
 mod traffic;
 mod verdict;
 
+pub use gains::Gains;
 pub use link_key::LinkKeyCheck;
 pub use traffic::{Answers, Traffic};
 
@@ -15,7 +17,7 @@ use crate::catalog::{Catalog, channel_name};
 use crate::describe::{entry_sentence, fault_report_on, report_details, state_name};
 use crate::session::History;
 use rollwalk_protocol::config::RobotConfig;
-use rollwalk_protocol::faults::Fault;
+use rollwalk_protocol::faults::{Event, Fault};
 use rollwalk_protocol::wire::transport::Hello;
 use rollwalk_protocol::wire::{FaultReport, LogEntry};
 use serde::Serialize;
@@ -40,6 +42,8 @@ pub struct Observations<'a> {
     pub key: LinkKeyCheck,
     /// True if another program is transferring data with the controller. No request was sent in that case.
     pub transferring: bool,
+    /// Gains, limits and feed-forward of the controller; `None` if they are unknown.
+    pub gains: Option<&'a Gains>,
     /// Log of the controller.
     pub history: Option<&'a History>,
     /// Known fault of the bus and its remedy.
@@ -99,6 +103,7 @@ impl Observations<'_> {
             found.push(self.no_controller());
             return found;
         };
+        found.push(self.header(hello));
         found.extend(self.identity(hello));
         found.extend(self.link_key());
         let mut below: Vec<_> = status.faults.iter().map(|fault| self.fault(fault)).collect();
@@ -107,6 +112,7 @@ impl Observations<'_> {
         below.extend(self.readings());
         below.extend(self.out_of_range());
         below.extend(self.unanswered());
+        below.extend(self.gains());
         below.extend(self.last_stop());
         below.extend(self.host(&status));
         below.push(self.load());
@@ -149,16 +155,35 @@ impl Observations<'_> {
                 "none of the frames on the bus ({count} identifiers) are from the controller"
             ),
         };
-        let help = format!(
-            "check the controller's power, cable and bitrate ({} bit/s); rollwalk discover --bus \
-             {bus} lists controllers with other addresses",
-            self.bitrate
-        );
+        let help = if bus == "sim" || bus.starts_with("sim:") {
+            format!("start rollwalk-sim ROBOT.toml --bus {bus}")
+        } else {
+            format!(
+                "check the controller's power, cable and bitrate ({} bit/s); rollwalk discover --bus \
+                 {bus} lists controllers with other addresses",
+                self.bitrate
+            )
+        };
         finding(Gravity::Wrong, format!("the controller does not answer, and {others}"), help)
     }
 
+    /// Robot and library of the controller.
+    fn header(&self, hello: &Hello) -> Finding {
+        let robot = self.catalog.map_or("unknown robot", |catalog| &catalog.robot);
+        let library = match hello.library {
+            Some(library) => format!("library {library:08x}"),
+            None => "no library".to_owned(),
+        };
+        let what = format!("{robot}, configuration {:08x}, {library}", hello.config_hash);
+        finding(Gravity::Fine, what, String::new())
+    }
+
     fn identity(&self, hello: &Hello) -> Option<Finding> {
-        let expected = self.expected_config.filter(|&expected| expected != hello.config_hash)?;
+        let expected = self.expected_config?;
+        if expected == hello.config_hash {
+            let what = format!("the robot file fits the firmware: configuration {expected:08x}");
+            return Some(finding(Gravity::Fine, what, String::new()));
+        }
         let what = format!(
             "the robot file does not fit: the firmware has configuration {:08x}, the robot file {expected:08x}",
             hello.config_hash
@@ -187,7 +212,9 @@ impl Observations<'_> {
 
     fn last_stop(&self) -> Option<Finding> {
         let history = self.history?;
-        let stop = history.last_stop()?;
+        // A command to disarm is no incident.
+        let is_disarm = |stop: &&LogEntry| stop.event == Event::Disarm.code();
+        let stop = history.last_stop().filter(|stop| !is_disarm(stop))?;
         let seconds = f64::from(history.age_ms(stop)) * 1e-3;
         let what = format!(
             "the robot last stopped {seconds:.1} s ago while it was {}: {}{}",

@@ -4,6 +4,7 @@ use crate::actuators::{UNKNOWN, fault_words};
 use crate::authentication::NoSession;
 use crate::catalog::{Catalog, channel_name};
 use crate::describe::{fault_report_on, state_name};
+use rollwalk_protocol::library::RejectReason;
 use rollwalk_protocol::wire::transport::{Reply, TransferResult, UNSIGNED};
 use rollwalk_protocol::wire::{CommandResult, FaultReport, ParameterResult, State};
 
@@ -62,7 +63,8 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
         CommandResult::BadSpeed => "give a playback speed from 1/64 to 64/64 of the planned speed",
         CommandResult::AuthenticationRequired => AUTHENTICATION_REQUIRED,
         CommandResult::Unproven => {
-            "the controller has a library key, so it refuses setpoints, which carry no signature; play motions of its library"
+            "the controller has a link key or a library key, so it refuses setpoints, which carry no \
+             signature; play motions of its library"
         }
         CommandResult::UnfitActuators => {
             "an actuator does not accept torques or gains with its setpoints; play motions of the \
@@ -182,6 +184,12 @@ pub fn transfer_refusal(reply: &Reply) -> String {
     sentence.to_owned()
 }
 
+/// True for the refusal of a library that was built for another robot.
+pub fn is_of_other_robot(reply: &Reply) -> bool {
+    let reason = RejectReason::WrongRobot { library: 0, robot: 0 };
+    reply.result == TransferResult::Rejected && reply.why == reason.code()
+}
+
 /// Name of a library file's section, by [`rollwalk_protocol::library::Section::code`].
 fn section_name(code: u8) -> &'static str {
     match code {
@@ -233,7 +241,7 @@ fn reject_sentence(code: u8) -> String {
 mod tests {
     use super::*;
     use rollwalk_protocol::faults::Fault;
-    use rollwalk_protocol::library::{ClipId, Reject, RejectReason, Section};
+    use rollwalk_protocol::library::{ClipId, Reject, Section};
 
     fn sentence(section: Section, why: RejectReason) -> String {
         transfer_refusal(&Reply::rejected(0x12, &Reject { section, offset: 77, why }))

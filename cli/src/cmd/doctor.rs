@@ -6,7 +6,7 @@ use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_host::authentication::Peer;
 use rollwalk_host::decode::decode;
 use rollwalk_host::describe::state_name;
-use rollwalk_host::doctor::{Finding, Gravity, LinkKeyCheck, Observations, Traffic};
+use rollwalk_host::doctor::{Finding, Gains, Gravity, LinkKeyCheck, Observations, Traffic};
 use rollwalk_host::listener::{self, Listener};
 use rollwalk_host::session::{History, Session, SessionError};
 use rollwalk_protocol::can::Frame;
@@ -26,8 +26,8 @@ const BITRATE: u32 = 1_000_000;
 /// Diagnose a robot: why it cannot be armed, why it stopped, which motors do not answer, how high the bus load is, and which
 /// commands help. With --system: check whether this computer is ready for robots.
 ///
-/// The command listens for two seconds, then reads the controller's identity and log. It sends no commands to the robot. The
-/// exit code is 5 if it finds a fault.
+/// The command listens for two seconds, then reads the controller's identity, gains and log. It sends no commands to the robot.
+/// The exit code is 5 if it finds a fault.
 ///
 /// With --system it checks only this computer: SocketCAN and CAN interfaces, access to serial devices and their latency timers,
 /// real-time priority, gamepads, and programs that convert pictures. It opens no bus.
@@ -121,7 +121,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let transferring = !may_ask(&mut link, listener);
     let asked =
         if transferring { ControllerAnswers::default() } else { ask(&peer, has_host, &mut link) };
-    let ControllerAnswers { hello, history, refused, key } = asked;
+    let ControllerAnswers { hello, gains, history, refused, key } = asked;
     let complaint = link.fault_and_remedy();
     if interrupt::requested() {
         return Ok(Exit::Interrupted);
@@ -140,6 +140,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         refused: refused.as_deref(),
         key,
         transferring,
+        gains: gains.as_ref(),
         history: history.as_ref(),
         complaint: complaint.as_deref(),
         bitrate,
@@ -212,18 +213,22 @@ fn names(args: &Args, expected: Option<u32>, hello: Option<&Hello>) -> NamesArgs
 #[derive(Default)]
 struct ControllerAnswers {
     hello: Option<Hello>,
+    gains: Option<Gains>,
     history: Option<History>,
     /// Reason why the controller's identity cannot be used.
     refused: Option<String>,
     key: LinkKeyCheck,
 }
 
-/// Requests the controller's identity and log, and checks the link key. A controller with another host offers no session here,
-/// because that host may be about to begin one.
+/// Requests the controller's identity, gains and log, and checks the link key. A controller with another host offers no session
+/// here, because that host may be about to begin one.
 fn ask(peer: &Peer, has_host: bool, bus: &mut Interruptible) -> ControllerAnswers {
     let node = peer.node;
-    let (hello, history) = match Session::visit(&mut *bus, node) {
-        Ok(mut session) => (Some(*session.hello()), session.history().ok()),
+    let (hello, gains, history) = match Session::visit(&mut *bus, node) {
+        Ok(mut session) => {
+            let gains = Gains::read(&mut session).ok();
+            (Some(*session.hello()), gains, session.history().ok())
+        }
         Err(error @ SessionError::ProtocolMismatch { .. }) => {
             return ControllerAnswers {
                 refused: Some(error.to_string()),
@@ -233,7 +238,7 @@ fn ask(peer: &Peer, has_host: bool, bus: &mut Interruptible) -> ControllerAnswer
         Err(_) => return ControllerAnswers::default(),
     };
     let key = if has_host { LinkKeyCheck::Unknown } else { LinkKeyCheck::of(bus, peer) };
-    ControllerAnswers { hello, history, refused: None, key }
+    ControllerAnswers { hello, gains, history, refused: None, key }
 }
 
 fn report(

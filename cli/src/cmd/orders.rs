@@ -16,6 +16,9 @@ const STATUS_US: u64 = 200_000;
 const LET_DOWN_US: u64 = 3_000_000;
 /// Interval between attempts to open a bus that was lost during a stop.
 const REOPEN: Duration = Duration::from_millis(200);
+/// First line about an emergency stop that the controller may not have received.
+const NOT_STOPPED: &str =
+    "the emergency stop is NOT acknowledged: press the robot's own emergency stop";
 
 /// Command to a controller; [`stop`] handles the emergency stop.
 #[derive(Clone, Copy, Debug)]
@@ -96,7 +99,8 @@ pub fn stop(args: &Args) -> miette::Result<Exit> {
     loop {
         let unanswered = |error| {
             output::print_line(format_args!(
-                "{error}\nThe stop is sent until it is acknowledged; Ctrl-C ends the program."
+                "{NOT_STOPPED}\n{error}\nThe stop is sent until it is acknowledged; Ctrl-C ends the \
+                 program."
             ))
         };
         match Session::estop_at(bus, link.node, unanswered) {
@@ -105,7 +109,7 @@ pub fn stop(args: &Args) -> miette::Result<Exit> {
             }
             Err(SessionError::Link(error)) if !interrupt::requested() => {
                 output::print_line(format_args!(
-                    "{error}; reopening the bus, Ctrl-C ends the program"
+                    "{NOT_STOPPED}\n{error}; reopening the bus, Ctrl-C ends the program"
                 ));
             }
             Err(error) => return Ok(report_failure(link, &error)),

@@ -98,6 +98,8 @@ pub struct Pilot {
     rests: bool,
     /// Number of remaining automatic attempts to arm.
     arms: u8,
+    /// True if the pilot arms the robot, and no operator steers it.
+    is_scripted: bool,
     /// True if the end of the stream was requested before the controller followed it.
     ends: bool,
     course: u32,
@@ -124,6 +126,7 @@ impl Pilot {
             after: ActionAfterStop::Rest,
             rests: false,
             arms: if arms { ARMS } else { 0 },
+            is_scripted: arms,
             ends: false,
             course: 0,
             is_planning: false,
@@ -151,7 +154,7 @@ impl Pilot {
     /// A robot that is not streaming has already stopped. A second request to leave ends the program at once.
     pub fn stop(&mut self, now_us: u64, after: ActionAfterStop, operator: &mut Operator) {
         self.wanted = SteeringRequest::default();
-        self.rests = true;
+        (self.rests, self.arms) = (true, 0);
         match self.phase {
             Phase::Steered => {
                 (self.phase, self.after, self.stood) = (Phase::Stopping, after, 0);
@@ -189,6 +192,14 @@ impl Pilot {
     /// True if the robot stops because the planner returns no accepted plan.
     pub fn is_unsure(&self) -> bool {
         self.is_unsure
+    }
+
+    /// True if the robot does not follow the steering, and nothing is being attempted: the controller did not follow
+    /// set-points, or refused the last attempt to arm.
+    pub fn has_given_up(&self, now_us: u64, view: &View) -> bool {
+        let is_disarmed = view.status.is_some_and(|status| status.state == State::Disarmed);
+        let is_refused = is_disarmed && self.arms == 0 && view.asking.is_none();
+        self.phase == Phase::Off && (self.rests || is_refused && now_us >= self.again_us)
     }
 
     /// Statistics of the horizons.
@@ -255,7 +266,11 @@ impl Pilot {
             // The command had no effect.
             None if self.again_us > 0 && now_us >= self.again_us => {
                 self.rests = true;
-                let text = "the controller does not follow setpoints; steer to try again";
+                let text = if self.is_scripted {
+                    "the controller does not follow setpoints"
+                } else {
+                    "the controller does not follow setpoints; steer to try again"
+                };
                 operator.notify(now_us, Weight::Warning, text);
                 self.end(now_us, operator);
             }
@@ -348,5 +363,36 @@ impl Pilot {
                 Some(self.tally.least_ahead.map_or(ahead, |least| least.min(ahead)));
             frames.for_each(|frame| operator.stream(frame));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_protocol::faults::{FaultBits, Severity};
+    use rollwalk_protocol::wire::{Node, Status};
+
+    /// A drive that a controller refuses ends at once, and arms the robot no more.
+    #[test]
+    fn a_pilot_gives_up_after_a_refused_stream_or_the_last_attempt_to_arm() {
+        let node = Node::new(1).unwrap();
+        let mut operator = Operator::new(node, None);
+        let (severity, faults) = (Severity::None, FaultBits::default());
+        let state = State::Disarmed;
+        let status =
+            Status { state, severity, faults, clip: None, frame: 0, counter: 0, library: 0 };
+        operator.on_frame(0, &status.encode(node));
+        let view = operator.view(0);
+        let mut pilot = Pilot::new(true);
+        assert!(!pilot.has_given_up(0, &view));
+        (pilot.arms, pilot.again_us) = (0, ARM_AGAIN_US);
+        assert!(!pilot.has_given_up(0, &view), "the last attempt may succeed");
+        assert!(pilot.has_given_up(ARM_AGAIN_US, &view));
+        let mut pilot = Pilot::new(true);
+        pilot.rest();
+        assert!(pilot.has_given_up(0, &view));
+        let mut pilot = Pilot::new(true);
+        pilot.stop(0, ActionAfterStop::Leave, &mut operator);
+        assert_eq!(pilot.arms, 0);
     }
 }

@@ -37,12 +37,14 @@ fn row(kind: Option<BusKind>, fault: Fault) -> Option<Row> {
         ),
         (Some(ServoLine), Fault::BusOff) => (
             "the serial adapter of the servos is gone",
-            "plug the adapter in again and end other programs that use it; clear the fault, then arm",
+            "switch motor power off, plug the adapter in again and end other programs that use it; clear the \
+             fault, then arm",
             Some("the serial adapter of the servos was lost"),
         ),
         (Some(PulseBoard), Fault::BusOff) => (
             "the serial line to the servo board is gone",
-            "plug the servo board in again and end other programs that use it; clear the fault, then arm",
+            "switch motor power off, plug the servo board in again and end other programs that use it; clear \
+             the fault, then arm",
             Some("the serial line to the servo board was lost"),
         ),
         (Some(ServoLine), Fault::BusNoAck | Fault::BusPassive) => (
@@ -57,7 +59,8 @@ fn row(kind: Option<BusKind>, fault: Fault) -> Option<Row> {
         ),
         (Some(ServoLine), Fault::ActuatorSilent) => (
             "a servo does not answer",
-            "check the servo supply, this servo's plug, its ID and its baud rate; clear the fault, then arm",
+            "check the servo supply; with power off, check this servo's plug; check its ID and baud rate; \
+             clear the fault, then arm",
             Some("a servo did not answer"),
         ),
         (Some(PulseBoard), Fault::ActuatorSilent) => (
@@ -70,6 +73,12 @@ fn row(kind: Option<BusKind>, fault: Fault) -> Option<Row> {
             "check the supply voltage under load and let the servo cool; switch servos off and on, \
              clear the fault, then arm",
             Some("a servo reported a fault, or its torque went off"),
+        ),
+        (_, Fault::SetpointTimeout) => (
+            "streamed setpoints arrived too late",
+            "read why drive or control ended, or find out what delays the host or the link; clear \
+             the fault, then arm",
+            None,
         ),
         (None, Fault::BusOff) => (
             "an actuator bus is lost",

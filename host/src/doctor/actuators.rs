@@ -91,12 +91,12 @@ impl Observations<'_> {
             }
             (BusKind::ServoLine, false) => match self.twin(channels) {
                 Some(twin) => format!(
-                    "{} misses answers, as if two servos had the same ID: unplug one servo, and set \
-                     the ID of the other",
+                    "{} misses answers, as if two servos had the same ID: switch power off, unplug one \
+                     servo, switch power on, and set the ID of the other",
                     self.addressed(twin)
                 ),
-                None => "check the plug, and set the servo to the ID and baud rate of the robot \
-                         file (new servos have ID 1); all servos behind a break in the chain are \
+                None => "switch power off and check the plug; set the servo to the ID and baud rate of \
+                         the robot file (new servos have ID 1); all servos behind a break in the chain are \
                          silent"
                     .to_owned(),
             },
@@ -149,7 +149,8 @@ impl Observations<'_> {
             } else if has(ActuatorStatus::OVERHEATED) {
                 "let the actuator cool; joints that carry the robot in a bent pose heat most"
             } else if has(ActuatorStatus::TIMED_OUT) {
-                "no setpoint arrived in time: check the load of its bus, the plugs and the cable"
+                "no setpoint arrived in time: check the load of its bus; with power off, check plugs and \
+                 cable"
             } else {
                 "switch the actuator off and on; if it fails again, read its error with the \
                  manufacturer's tool"
@@ -181,6 +182,10 @@ impl Observations<'_> {
         let voltage = range("supply voltages", "V", 1, |of| of.voltage_v);
         let ranges: Vec<_> = temperature.into_iter().chain(voltage).collect();
         let mut found = Vec::new();
+        if all.is_empty() && !self.heard.joints.is_empty() {
+            let what = "the actuators report no temperatures and supply voltages".to_owned();
+            found.push(finding(Gravity::Fine, what, String::new()));
+        }
         if !ranges.is_empty() {
             found.push(finding(Gravity::Fine, ranges.join("; "), String::new()));
         }
@@ -205,11 +210,11 @@ impl Observations<'_> {
                 channel.kind == ChannelKind::JointPosition && !range.contains(&position_rad);
             outside.then(|| {
                 let what = format!(
-                    "{} is at {position_rad:.2} rad, outside its range of {:.2} to {:.2} rad: the \
-                     robot cannot be armed",
+                    "{} is at {:.0}°, outside its range of {:.0}° to {:.0}°: the robot cannot be armed",
                     self.addressed(number),
-                    channel.min,
-                    channel.max
+                    position_rad.to_degrees(),
+                    channel.min.to_degrees(),
+                    channel.max.to_degrees()
                 );
                 let help = "turn the joint into its range by hand; if its angle is wrong, \
                             calibrate its zero (docs/faults.md, 6 OutOfLimits)";

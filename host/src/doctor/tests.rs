@@ -6,7 +6,9 @@ use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind};
 use rollwalk_protocol::faults::{FaultBits, Severity};
-use rollwalk_protocol::wire::{ActuatorReadings, JointTelemetry, Node, State, Status};
+use rollwalk_protocol::wire::{
+    ActuatorReadings, JointTelemetry, Node, Parameter, ParameterOrigin, State, Status,
+};
 
 fn hello() -> Hello {
     Hello {
@@ -20,6 +22,23 @@ fn hello() -> Hello {
         max_block: 512,
         channels: 2,
     }
+}
+
+/// Configuration of two joints with a range of ±1 rad.
+fn config() -> RobotConfig {
+    let channel = Channel {
+        kind: ChannelKind::JointPosition,
+        min: -1.0,
+        max: 1.0,
+        max_rate: 1.0,
+        max_torque_nm: 1.0,
+        kp_nm_rad: 1.0,
+        kd_nm_s_rad: 0.1,
+        bus: 0,
+        id: 1,
+    };
+    let channels = [channel, Channel { id: 2, ..channel }].into_iter().collect();
+    RobotConfig { robot: 0, channels }
 }
 
 fn traffic_in(state: State, faults: FaultBits, joints: u8) -> Traffic {
@@ -49,6 +68,7 @@ fn findings<'a>(heard: &'a Traffic, hello: Option<&'a Hello>) -> Observations<'a
         refused: None,
         key: LinkKeyCheck::NotNeeded,
         transferring: false,
+        gains: None,
         history: None,
         complaint: None,
         bitrate: 1_000_000,
@@ -108,7 +128,7 @@ fn a_body_that_was_set_up_again_is_not_called_tilted() {
     let text = told(0.001);
     assert!(text.contains("fault 7: the body was tilted, and is level again ->"), "{text}");
     let text = told(0.5);
-    assert!(text.contains("the body is tilted (0.500 rad beyond"), "{text}");
+    assert!(text.contains("the body is tilted (29° beyond"), "{text}");
     let text = told(-1.0);
     assert!(text.contains("the IMU is silent"), "{text}");
 }
@@ -195,7 +215,7 @@ fn a_serial_line_is_diagnosed_in_its_own_words() {
             &[
                 "stopped: the serial adapter of the servos is gone",
                 "fault 11: the serial adapter",
-                "plug the adapter in",
+                "switch motor power off, plug the adapter in",
             ][..],
         ),
         (all_silent, &["any actuator on bus 0 (Dynamixel)", "1000000 bit/s", "echo"]),
@@ -325,19 +345,7 @@ fn a_robot_is_not_to_be_armed_while_anything_prevents_it() {
         status,
     };
     far.take(1, &telemetry.encode(node));
-    let channel = Channel {
-        kind: ChannelKind::JointPosition,
-        min: -1.0,
-        max: 1.0,
-        max_rate: 1.0,
-        max_torque_nm: 1.0,
-        kp_nm_rad: 1.0,
-        kd_nm_s_rad: 0.1,
-        bus: 0,
-        id: 1,
-    };
-    let channels = [channel, Channel { id: 2, ..channel }].into_iter().collect();
-    let config = RobotConfig { robot: 0, channels };
+    let config = config();
     assert!(text(&Observations { config: Some(&config), ..good() }).contains("arm the robot:"));
     for (findings, words) in [
         (Observations { heard: &silent, ..good() }, "no position from channel 1"),
@@ -345,7 +353,7 @@ fn a_robot_is_not_to_be_armed_while_anything_prevents_it() {
         (Observations { heard: &hot, ..good() }, "channel 0: too hot"),
         (
             Observations { heard: &far, config: Some(&config), ..good() },
-            "channel 1 is at 1.30 rad, outside its range of -1.00 to 1.00 rad",
+            "channel 1 is at 74°, outside its range of -57° to 57°",
         ),
         (Observations { key: LinkKeyCheck::Wrong, ..good() }, "another link key"),
         (Observations { key: LinkKeyCheck::GivenInVain, ..good() }, "leave out --link-key"),
@@ -405,4 +413,40 @@ fn another_protocol_is_named() {
     let refused = Some("controller 1 uses protocol 9.0");
     let text = text(&Observations { refused, ..findings(&heard, None) });
     assert_eq!(text, "Wrong: controller 1 uses protocol 9.0 -> \n");
+}
+
+/// Feed-forward for a stand and changed gains are easily forgotten.
+#[test]
+fn values_that_differ_from_the_robot_file_are_listed() {
+    let heard = traffic_in(State::Disarmed, FaultBits::default(), 2);
+    let hello = hello();
+    let config = config();
+    let file = &config.channels[0];
+    let gains = |kp: f32, feed_forward, origin| Gains {
+        origin,
+        feed_forward,
+        values: vec![(0, Parameter::Kp, kp), (0, Parameter::Kd, file.kd_nm_s_rad)],
+    };
+    let told = |gains: &Gains| {
+        let findings = findings(&heard, Some(&hello));
+        text(&Observations { gains: Some(gains), config: Some(&config), ..findings })
+    };
+    let fine = told(&gains(file.kp_nm_rad, 1.0, ParameterOrigin::Configuration));
+    assert!(!fine.contains("differ") && !fine.contains("feed-forward"), "{fine}");
+    let changed = told(&gains(file.kp_nm_rad + 1.0, 0.0, ParameterOrigin::Saved));
+    for expected in ["channel 0: kp 2 instead of 1 N·m/rad", "feed-forward is 0", "gains save"] {
+        assert!(changed.contains(expected), "{changed}");
+    }
+}
+
+/// A fitting robot file is confirmed.
+#[test]
+fn a_robot_file_that_fits_is_confirmed() {
+    let heard = traffic_in(State::Disarmed, FaultBits::default(), 2);
+    let hello = hello();
+    let told = |expected| {
+        text(&Observations { expected_config: Some(expected), ..findings(&heard, Some(&hello)) })
+    };
+    assert!(told(hello.config_hash).contains("the robot file fits"));
+    assert!(told(hello.config_hash + 1).contains("does not fit"));
 }

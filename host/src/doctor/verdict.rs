@@ -104,8 +104,11 @@ impl Observations<'_> {
     /// Finding about a robot with torque whose host is gone.
     pub(super) fn host(&self, status: &Status) -> Option<Finding> {
         (status.state.torque() == Torque::Driven && !self.is_held(status)).then(|| {
-            let what =
-                "no host sends heartbeats: the robot will return to SAFE and switch torque off";
+            let what = if status.state == State::Returning {
+                "no host sends heartbeats: the robot returns to SAFE and switches torque off"
+            } else {
+                "no host sends heartbeats: the robot will return to SAFE and switch torque off"
+            };
             finding(Gravity::Wrong, what.into(), self.wait_then_clear())
         })
     }

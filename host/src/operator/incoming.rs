@@ -15,6 +15,7 @@ use rollwalk_protocol::wire::{CommandAck, PROTOCOL_MAJOR, SCHEMA_HASH, State};
 impl Operator {
     /// Processes a frame of the link.
     pub fn on_frame(&mut self, now_us: u64, frame: &Frame) {
+        let was_stopping = self.client.is_stopping();
         match self.client.on_frame(now_us, frame) {
             Some(Incoming::Status(status)) => {
                 self.link.on_status(now_us, status, &mut self.log);
@@ -52,7 +53,11 @@ impl Operator {
             Some(Incoming::EstopAck(ack)) => {
                 self.stopped();
                 self.link.on_stopped(ack.state);
-                self.log.notify(now_us, Weight::Note, "the emergency stop is acknowledged");
+                self.warn_unstopped_us = None;
+                // The controller acknowledges every repetition.
+                if was_stopping {
+                    self.log.notify(now_us, Weight::Note, "the emergency stop is acknowledged");
+                }
             }
             Some(Incoming::Ack(ack)) => {
                 if let Some(ended) = self.orders.on_ack(now_us, ack, &mut self.client) {

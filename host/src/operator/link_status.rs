@@ -155,7 +155,9 @@ impl LinkStatus {
             let mut text = "no contact: no frame arrived for 0.5 s".to_owned();
             let has_torque = self.state().is_some_and(|state| state.torque() != Torque::Off);
             if let Some(way_out) = way_out.filter(|_| has_torque) {
-                text += &format!("; {way_out}, and {LEFT_ALONE}");
+                text += &format!(
+                    "; press the robot's own emergency stop if it moves, or {way_out}: {LEFT_ALONE}"
+                );
             }
             log.notify(now_us, Weight::Warning, text);
             return true;

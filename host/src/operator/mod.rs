@@ -62,6 +62,11 @@ const SPEED_US: u64 = 200_000;
 const TICK_US: u64 = 20_000;
 /// Delay before a frame that the bus refused is sent again, µs.
 const BUSY_US: u64 = 500;
+/// Time without an acknowledgement after which the operator is warned of an emergency stop, µs.
+const UNSTOPPED_US: u64 = 500_000;
+/// Warning of an emergency stop that the controller may not have received.
+const NOT_STOPPED: &str =
+    "the emergency stop is NOT acknowledged: press the robot's own emergency stop";
 /// Planned speed in 64ths.
 const FULL_SPEED: i8 = 64;
 
@@ -82,6 +87,8 @@ pub struct Operator {
     hello: Option<Hello>,
     ask_hello_us: u64,
     latch: Latch,
+    /// Time at which the operator is warned of an unacknowledged emergency stop, µs.
+    warn_unstopped_us: Option<u64>,
     deadman: Option<Deadman>,
     leaving: ExitStage,
     speed_64ths: i8,
@@ -133,6 +140,7 @@ impl Operator {
             hello: None,
             ask_hello_us: 0,
             latch: Latch::Open,
+            warn_unstopped_us: None,
             deadman: None,
             leaving: ExitStage::No,
             speed_64ths: FULL_SPEED,
@@ -255,12 +263,23 @@ impl Operator {
     /// Handles the loss of the bus. An unacknowledged emergency stop is sent when the bus is back.
     pub fn on_bus_lost(&mut self, now_us: u64, why: &str) {
         if self.bus_lost.replace(why.to_owned()).is_none() {
-            self.log.notify(now_us, Weight::Warning, format!("the bus is lost: {why}"));
+            let alone = self.link.state().and_then(describe::alone);
+            let alone = alone.map_or_else(String::new, |alone| format!("; {alone}"));
+            self.log.notify(now_us, Weight::Warning, format!("the bus is lost: {why}{alone}"));
         }
         self.complaint = None;
         self.break_off_flashing(now_us);
         self.link.lose_contact();
         self.forget_orders();
+        self.warn_unstopped(now_us);
+    }
+
+    /// Warns of an unacknowledged emergency stop when the warning is due, or at once if the bus is lost.
+    fn warn_unstopped(&mut self, now_us: u64) {
+        let is_due = |&mut at_us: &mut u64| now_us >= at_us || self.bus_lost.is_some();
+        if self.warn_unstopped_us.take_if(is_due).is_some() {
+            self.log.notify(now_us, Weight::Warning, NOT_STOPPED);
+        }
     }
 
     /// Handles the return of the bus.
@@ -291,6 +310,7 @@ impl Operator {
     /// Returns the next frame to send at `now_us`. Call it until it returns `None`, also after an intent or a frame.
     pub fn poll(&mut self, now_us: u64) -> Option<Frame> {
         self.update_silence(now_us);
+        self.warn_unstopped(now_us);
         if let Some(frame) = self.unsent.take() {
             return Some(frame);
         }
@@ -355,14 +375,20 @@ impl Operator {
     /// Snapshot of the state that a console shows.
     pub fn view(&self, now_us: u64) -> View {
         let status = self.link.status();
+        let link = self.link.link(now_us, &self.client);
         let advice = match status {
+            _ if self.client.is_stopping() => "press the robot's own emergency stop",
+            Some(status) if !link.contact && has_torque(status.state) => {
+                "press the robot's own emergency stop if it moves; check bus and power"
+            }
+            Some(_) if !link.contact => "wait, or check bus and power",
             Some(status) => describe::advice(status.state, status.faults, self.link.bus_kind()),
-            None => "wait for the controller",
+            None => "wait for the controller, or check bus and power",
         };
         View {
             now_us,
             node: self.peer.node.number(),
-            link: self.link.link(now_us, &self.client),
+            link,
             bus_lost: self.bus_lost.clone(),
             complaint: self.complaint.clone(),
             hello: self.hello,

@@ -4,7 +4,7 @@ use super::log::Weight;
 use super::orders::{Order, StopPending};
 use super::setpoints::{Loop, Setpoints};
 use super::view::ExitStage;
-use super::{Deadman, Intent, Operator, ReleaseReaction, has_torque};
+use super::{Deadman, Intent, Operator, ReleaseReaction, UNSTOPPED_US, has_torque};
 use crate::stream::Stream;
 use rollwalk_protocol::library::{PlaceCode, place_of};
 use rollwalk_protocol::wire::{PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State};
@@ -106,8 +106,10 @@ impl Operator {
         // Repeated presses give one message.
         if !self.client.is_stopping() {
             self.log.notify(now_us, Weight::Warning, "EMERGENCY STOP");
+            self.warn_unstopped_us = Some(now_us + UNSTOPPED_US);
         }
         self.client.estop(now_us);
+        self.warn_unstopped(now_us);
     }
 
     fn on_deadman(&mut self, now_us: u64, deadman: Deadman) {

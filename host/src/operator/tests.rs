@@ -390,6 +390,53 @@ fn after_a_stop_it_takes_clearing_and_arming() {
     assert!(matches!(desk.commands().last().unwrap().action, Action::Play { code: 3, .. }));
 }
 
+/// A stop that does not arrive is not reported as one that did.
+#[test]
+fn an_emergency_stop_without_an_answer_refers_to_the_robots_own_stop() {
+    let words = |desk: &TestOperator, part: &str| {
+        let messages = desk.operator.log.messages();
+        messages.iter().filter(|message| message.text.contains(part)).count()
+    };
+    let mut desk = TestOperator::new();
+    desk.request(Intent::Estop);
+    desk.pass(400_000);
+    assert_eq!(words(&desk, "NOT acknowledged"), 0);
+    desk.request(Intent::Estop);
+    desk.pass(2_000_000);
+    assert_eq!(words(&desk, "NOT acknowledged"), 1);
+    assert_eq!(desk.operator.view(desk.now_us).advice, "press the robot's own emergency stop");
+    // A controller that hung answers all repetitions.
+    for _ in 0..8 {
+        desk.receive(EstopAck { state: State::EStopped }.encode(node()));
+    }
+    assert_eq!(words(&desk, "is acknowledged"), 1);
+    desk.pass(2_000_000);
+    assert_eq!(words(&desk, "NOT acknowledged"), 1);
+
+    let mut desk = TestOperator::new();
+    desk.operator.on_bus_lost(desk.now_us, "unplugged");
+    desk.request(Intent::Estop);
+    assert!(desk.last_words().contains("NOT acknowledged"), "{}", desk.last_words());
+    let mut desk = TestOperator::new();
+    desk.request(Intent::Estop);
+    desk.operator.on_bus_lost(desk.now_us, "unplugged");
+    assert!(desk.last_words().contains("NOT acknowledged"), "{}", desk.last_words());
+}
+
+/// The state of a robot without a link is unknown; its reaction is not.
+#[test]
+fn a_lost_bus_is_reported_with_the_reaction_of_the_robot() {
+    let told = |state| {
+        let mut desk = TestOperator::new();
+        desk.receive(status(state, 1).encode(node()));
+        desk.operator.on_bus_lost(desk.now_us, "unplugged");
+        desk.last_words().to_owned()
+    };
+    assert_eq!(told(State::Disarmed), "the bus is lost: unplugged");
+    assert!(told(State::Streaming).contains("holds the robot's pose, then lets it sink"));
+    assert!(told(State::Playing).contains("returns the robot to SAFE"));
+}
+
 /// Another host has cleared and armed. This operator must still request both, but no command is sent.
 #[test]
 fn what_another_host_has_cleared_needs_no_command() {
@@ -512,7 +559,9 @@ fn a_loss_of_contact_names_the_control_that_this_program_has() {
     };
     let bare = "no contact: no frame arrived for 0.5 s";
     assert_eq!(told(State::Disarmed, |_| ()), bare);
-    let by = |what: &str| format!("{bare}; {what}, and {LEFT_ALONE}");
+    let by = |what: &str| {
+        format!("{bare}; press the robot's own emergency stop if it moves, or {what}: {LEFT_ALONE}")
+    };
     assert_eq!(told(State::Playing, |_| ()), by("quit"));
     assert_eq!(
         told(State::Playing, |desk| desk.request(Intent::Deadman(Deadman::Held))),
@@ -537,7 +586,11 @@ fn faults_of_a_serial_line_are_told_in_its_words() {
         "{messages:?}"
     );
     let view = desk.operator.view(desk.now_us);
-    assert!(view.advice.starts_with("plug the adapter in again"), "{}", view.advice);
+    assert!(
+        view.advice.starts_with("switch motor power off, plug the adapter in again"),
+        "{}",
+        view.advice
+    );
     desk.receive(status(State::Disarmed, 3).encode(node()));
     let messages = desk.operator.log.messages();
     assert!(

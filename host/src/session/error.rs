@@ -1,11 +1,12 @@
 //! Errors of a session, described for the operator.
 
+use super::exchange::why_silent;
 use crate::actuators::{Actuators, UNKNOWN};
 use crate::authentication::NoSession;
 use crate::catalog::Catalog;
 use crate::describe::condition;
 use crate::refusal::{command_refusal_in, parameter_refusal, session_refusal, transfer_refusal};
-use rollwalk_bus::link::LinkError;
+use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_protocol::wire::transport::Reply;
 use rollwalk_protocol::wire::{
     CommandResult, FaultReport, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParameterResult, SCHEMA_HASH,
@@ -142,6 +143,11 @@ pub enum SessionError {
 }
 
 impl SessionError {
+    /// Error for a controller that sends no frames. `other` is the address of a controller that does.
+    pub fn no_frames(node: u8, bus: &impl LinkBus, other: Option<u8>) -> Self {
+        Self::Silent { node, what: "status", why: why_silent(bus.fault_and_remedy(), other) }
+    }
+
     /// Description for a known robot: faults in the terms of its buses, and channels by their names. Otherwise like
     /// [`Display`](std::fmt::Display).
     pub fn words(&self, catalog: Option<&Catalog>) -> String {

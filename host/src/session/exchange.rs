@@ -22,6 +22,8 @@ const ERASING_GROWTH: u64 = 2;
 const STATUS_US: u64 = 200_000;
 /// Longest wait for an authenticated session, µs: 20 requests.
 const SESSION_TIMEOUT_US: u64 = 3_000_000;
+/// Age up to which a status shows that the controller runs, µs.
+const RECENT_US: u64 = 2_000_000;
 /// Interval between attempts to send while the transmit queue is full, µs.
 const BUSY_RETRY_US: u64 = 500;
 /// Lateness of a wake-up that indicates a busy computer, µs.
@@ -35,6 +37,18 @@ const LOOKS: u32 = 1000;
 /// Maximum number of new attempts of a command that arrived too late.
 const EXPIRED_TRIES: u32 = 3;
 
+/// Likely cause of a controller's silence. `fault` is the diagnosis of the bus, and `other` the address of a controller that
+/// sends its status.
+pub(super) fn why_silent(fault: Option<String>, other: Option<u8>) -> String {
+    match (fault, other) {
+        (Some(why), _) => why,
+        (None, Some(other)) => {
+            format!("controller {other} is on this bus; to use it, give --node {other}")
+        }
+        (None, None) => "check its power, and that it is on this bus".into(),
+    }
+}
+
 /// Bus, and the client that uses it.
 pub(super) struct Exchange<B> {
     pub bus: B,
@@ -44,13 +58,26 @@ pub(super) struct Exchange<B> {
     unsent: Option<Frame>,
     /// Time and lateness of the latest wake-up that indicates a busy computer, µs.
     late: Option<(u64, u64)>,
+    /// Time of the latest status of the controller, µs.
+    status_us: Option<u64>,
     /// Address of another controller on the bus.
     other: Option<u8>,
+    /// True if the controller has acknowledged RETURN since the latest command of this session.
+    was_returned: bool,
 }
 
 impl<B: LinkBus> Exchange<B> {
     pub fn new(bus: B, node: Node, client: Client) -> Self {
-        Self { bus, client, node, unsent: None, late: None, other: None }
+        Self {
+            bus,
+            client,
+            node,
+            unsent: None,
+            late: None,
+            status_us: None,
+            other: None,
+            was_returned: false,
+        }
     }
 
     /// Address of the controller.
@@ -61,6 +88,11 @@ impl<B: LinkBus> Exchange<B> {
     /// Latest status of the controller.
     pub fn status(&self) -> Option<Status> {
         self.client.status()
+    }
+
+    /// True if the controller has acknowledged RETURN since the latest command of this session.
+    pub fn was_returned(&self) -> bool {
+        self.was_returned
     }
 
     /// Starts an emergency stop, which is repeated until it is acknowledged. Drops a frame that waits for room in the transmit
@@ -99,6 +131,7 @@ impl<B: LinkBus> Exchange<B> {
         action: Action,
     ) -> Result<CommandAck, SessionError> {
         let mut expired = 0;
+        self.was_returned = false;
         for _ in 0..SEQUENCE_TRIES {
             let free_us = self.client.next_command_us();
             self.pump(free_us.saturating_sub(self.bus.now_us()), |_| None::<()>)?;
@@ -222,17 +255,15 @@ impl<B: LinkBus> Exchange<B> {
 
     /// Creates the error for a controller that does not answer.
     pub fn silent(&self, what: &'static str) -> SessionError {
-        let mut why = match (self.bus.fault_and_remedy(), self.status(), self.other) {
-            (Some(why), ..) => why,
-            (None, Some(_), _) => {
+        let now_us = self.bus.now_us();
+        let is_recent = |at_us: u64| now_us.saturating_sub(at_us) < RECENT_US;
+        let mut why = match (self.bus.fault_and_remedy(), self.status_us.is_some_and(is_recent)) {
+            (None, true) => {
                 "its status arrives, but frames of this computer are lost; check the cable and the \
                  adapter"
                     .into()
             }
-            (None, None, Some(other)) => {
-                format!("controller {other} is on this bus; to use it, give --node {other}")
-            }
-            (None, None, None) => "check its power, and that it is on this bus".into(),
+            (fault, _) => why_silent(fault, self.other),
         };
         if let Some(late_us) = self.lately() {
             let late_ms = late_us / 1000;
@@ -285,14 +316,19 @@ impl<B: LinkBus> Exchange<B> {
             }
             match frame {
                 Some(frame) => {
-                    if let Ok((from, FromController::Status(_))) = FromController::decode(&frame)
-                        && from != self.node
-                    {
-                        self.other = Some(from.number());
+                    match FromController::decode(&frame) {
+                        Ok((from, FromController::Status(_))) if from == self.node => {
+                            self.status_us = Some(woken_us);
+                        }
+                        Ok((from, FromController::Status(_))) => self.other = Some(from.number()),
+                        _ => {}
                     }
-                    if let Some(incoming) = self.client.on_frame(woken_us, &frame)
-                        && let Some(found) = wanted(incoming)
-                    {
+                    let incoming = self.client.on_frame(woken_us, &frame);
+                    if let Some(Incoming::Ack(ack)) = incoming {
+                        let returns = ack.kind == Action::Return.kind();
+                        self.was_returned |= returns && ack.result == CommandResult::Ok;
+                    }
+                    if let Some(found) = incoming.and_then(&mut wanted) {
                         return Ok(Some(found));
                     }
                 }

@@ -35,12 +35,17 @@ const HELLO_TIMEOUT_US: u64 = 150_000;
 const HELLO_SENDS: u32 = 20;
 /// Timeout of an emergency stop, µs. On a link that is otherwise unusable, half of the frames may be lost.
 const STOP_TIMEOUT_US: u64 = 3_000_000;
+/// Time after which a missing acknowledgement of an emergency stop is first reported, µs.
+const STOP_OVERDUE_US: u64 = 500_000;
 /// Timeout for feedback of all actuators, µs.
 const FEEDBACK_TIMEOUT_US: u64 = 500_000;
 /// Interval between attempts to arm while feedback of an actuator is missing, µs.
 const FEEDBACK_RETRY_US: u64 = 50_000;
 /// Timeout of aligning, returning to SAFE and damping, µs.
 const STATE_TIMEOUT_US: u64 = 30_000_000;
+
+/// Description of the command CLEAR in [`SessionError::Refused`].
+pub const CLEAR: &str = "clear the stop";
 
 /// Host connected to one controller.
 pub struct Session<B> {
@@ -239,7 +244,7 @@ impl<B: LinkBus> Session<B> {
     /// Sends an emergency stop and waits for its acknowledgement.
     pub fn estop(&mut self) -> Result<(), SessionError> {
         self.exchange.estop();
-        let stopped = is_stopped(&mut self.exchange)?;
+        let stopped = is_stopped(&mut self.exchange, STOP_TIMEOUT_US)?;
         stopped.then_some(()).ok_or_else(|| self.exchange.silent("emergency stop"))
     }
 
@@ -253,17 +258,24 @@ impl<B: LinkBus> Session<B> {
     ) -> Result<(), SessionError> {
         let mut exchange = Exchange::new(bus, node, Client::visitor(node));
         exchange.estop();
-        while !is_stopped(&mut exchange)? {
+        let mut timeout_us = STOP_OVERDUE_US;
+        while !is_stopped(&mut exchange, timeout_us)? {
             unanswered(exchange.silent("emergency stop"));
+            timeout_us = STOP_TIMEOUT_US;
         }
         Ok(())
     }
 
     /// Clears a latched stop or fault in two steps, and waits until the robot can be armed again.
     pub fn clear(&mut self) -> Result<(), SessionError> {
-        let nonce = self.command("clear the stop", Action::ClearRequest)?.value;
-        self.command("clear the stop", Action::ClearConfirm { nonce })?;
+        let nonce = self.command(CLEAR, Action::ClearRequest)?.value;
+        self.command(CLEAR, Action::ClearConfirm { nonce })?;
         self.wait_for_state(State::Disarmed, STATE_TIMEOUT_US)
+    }
+
+    /// True if another program has returned the robot to SAFE since the latest command of this session.
+    pub fn was_returned(&self) -> bool {
+        self.exchange.was_returned()
     }
 
     /// Keeps the session alive for a duration.
@@ -362,10 +374,12 @@ fn wait_for_pause(
 }
 
 /// Repeats an emergency stop for a limited time; returns true if it was acknowledged.
-fn is_stopped<B: LinkBus>(exchange: &mut Exchange<B>) -> Result<bool, SessionError> {
-    let stopped = exchange.pump(STOP_TIMEOUT_US, |incoming| {
-        matches!(incoming, Incoming::EstopAck(_)).then_some(())
-    })?;
+fn is_stopped<B: LinkBus>(
+    exchange: &mut Exchange<B>,
+    timeout_us: u64,
+) -> Result<bool, SessionError> {
+    let stopped = exchange
+        .pump(timeout_us, |incoming| matches!(incoming, Incoming::EstopAck(_)).then_some(()))?;
     Ok(stopped.is_some())
 }
 

@@ -200,7 +200,8 @@ fn an_emergency_stop_goes_on_until_it_is_acknowledged() {
     let mut told = Vec::new();
     Session::estop_at(&mut wire, node(), |error| told.push(error)).unwrap();
     assert_eq!(wire.sent, [ToController::Estop; 100]);
-    assert_eq!(told.len(), 3);
+    // After 0.5 s, and then every 3 s.
+    assert_eq!(told.len(), 4);
     assert!(told[0].to_string().contains("(emergency stop): check its power"), "{}", told[0]);
 }
 

@@ -221,6 +221,7 @@ fn of_a_line_the_servo_that_is_silent_is_named() {
         refused: None,
         key: LinkKeyCheck::NotNeeded,
         transferring: false,
+        gains: None,
         history: None,
         complaint: None,
         bitrate: 1_000_000,

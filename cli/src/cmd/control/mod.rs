@@ -167,7 +167,7 @@ fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
     let library = inputs::Source::Disk.library(&args.file)?;
     check(&library.robot)?;
     route::check(&library, &args.play)?;
-    let peer = link.peer()?;
+    let peer = link.streaming_peer()?;
     let host = SessionError::HasHost { node: link.node.number() };
     // Planning may take minutes, and another host may start meanwhile. Errors that exist already are reported first.
     if has_host(&mut open(link)?, link) {

@@ -9,7 +9,7 @@ use ratatui::crossterm::event::{self, Event};
 use rollwalk_bus::port::LiveLink;
 use rollwalk_gamepads::mapped_gamepad::GamepadRequest;
 use rollwalk_host::catalog::Catalog;
-use rollwalk_host::describe::{has_to_be_cleared, is_at_rest};
+use rollwalk_host::describe::{alone, has_to_be_cleared, is_at_rest};
 use rollwalk_host::operator::{Deadman, ExitStage, Intent, Operator, Weight};
 use rollwalk_pilot::{ActionAfterStop, END_US, Phase, Pilot, SteeredRobot, Tally};
 use rollwalk_planner::receding::Steering;
@@ -52,6 +52,8 @@ pub struct App<'a> {
     is_other: bool,
     /// Planning times, ms.
     took_ms: Vec<f64>,
+    /// Steering for which no plan met the constraints; `None` after the next accepted plan.
+    unplanned: Option<Steering>,
     asked_to_end: Arc<AtomicBool>,
     rounds: Arc<AtomicU64>,
 }
@@ -75,6 +77,7 @@ impl<'a> App<'a> {
             catalog,
             is_other: false,
             took_ms: Vec::new(),
+            unplanned: None,
             asked_to_end: Arc::default(),
             rounds: Arc::default(),
         }
@@ -149,7 +152,7 @@ impl<'a> App<'a> {
             let steering = time_s.map_or(Steering::default(), |time_s| steps::at(steps, time_s));
             let has_ended = match begun_us {
                 Some(_) => self.steered.pilot.phase() == Phase::Off,
-                None => now_us > START_US || self.is_stopped(now_us),
+                None => now_us > START_US || self.is_stopped(now_us) || self.has_given_up(now_us),
             };
             if over_us.is_none() {
                 is_whole = !has_ended && time_s.is_some_and(|time_s| time_s >= until_s);
@@ -170,7 +173,9 @@ impl<'a> App<'a> {
                 heard_us = now_us;
             }
             print_new_messages(&mut said, &view.messages);
-            if let Some(time_s) = time_s.filter(|_| now_us >= tell_us && over_us.is_none()) {
+            let is_linked = view.link.contact && view.bus_lost.is_none();
+            let is_steered = is_linked && over_us.is_none();
+            if let Some(time_s) = time_s.filter(|_| now_us >= tell_us && is_steered) {
                 tell_us = now_us + TELL_US;
                 self.print_progress(now_us, time_s, steering);
             }
@@ -191,6 +196,11 @@ impl<'a> App<'a> {
     fn is_stopped(&self, now_us: u64) -> bool {
         let view = self.operated.operator.view(now_us);
         view.link.contact && view.status.as_ref().is_some_and(has_to_be_cleared)
+    }
+
+    /// True if the robot does not follow the steering and is not going to.
+    fn has_given_up(&self, now_us: u64) -> bool {
+        self.steered.pilot.has_given_up(now_us, &self.operated.operator.view(now_us))
     }
 
     /// Prints a line of a drive without a terminal. The first time is that of all messages, the second is the time base of
@@ -215,6 +225,11 @@ impl<'a> App<'a> {
         let operator = &mut self.operated.operator;
         let took_ms = &mut self.took_ms;
         self.steered.turn(now_us, operator, |took| took_ms.push(took.as_secs_f64() * 1e3));
+        let pilot = &self.steered.pilot;
+        if pilot.phase() == Phase::Steered {
+            let steering = pilot.steered().steering;
+            self.unplanned = pilot.is_unsure().then(|| self.unplanned.unwrap_or(steering));
+        }
         let library = operator.hello().and_then(|hello| hello.library);
         if library.is_some_and(|id| id != self.catalog.library) && !self.is_other {
             self.is_other = true;
@@ -324,6 +339,18 @@ impl<'a> App<'a> {
             words += "the controller never answered";
             return DriveResult { words, exit: Exit::NotDone };
         };
+        if let Some(Steering { forward_m_s, left_m_s, turn_rad_s }) = self.unplanned {
+            words += &format!(
+                "no plan met the constraints at forward {forward_m_s:.2} m/s, left {left_m_s:.2} m/s, \
+                 turn {turn_rad_s:.2} rad/s, so the robot halted: steer slower; "
+            );
+        }
+        if !view.link.contact {
+            words += &format!("no contact; the robot was {condition}");
+            let alone = alone(status.state);
+            words += &alone.map_or_else(String::new, |alone| format!(": {alone}"));
+            return DriveResult { words, exit: Exit::NotDone };
+        }
         words += &format!("the robot is {condition}");
         if has_to_be_cleared(&status) {
             words += "; type `rollwalk clear` before arming it";

@@ -33,9 +33,10 @@ use std::path::PathBuf;
 /// steered; otherwise it stands or drives on all its wheels. Nothing is measured: plans are played in open loop as from a
 /// library, so the gait must be one that the robot walks well from a library.
 ///
-/// Arrow keys steer forward, back and turns, `,` and `.` sideways, each in five steps; `x` stops. SPACE or Esc is the emergency
-/// stop; `a` arms, `r` goes to SAFE, `q` goes to SAFE, disarms and quits; a second `q` disarms at once, even in the middle of a
-/// step. With --steer no terminal is needed: the program arms the robot, steers it by the list, and disarms it.
+/// Arrow keys steer forward, back and turns, `,` and `.` sideways, each in five steps; `x` stops; `g` changes between gait and
+/// wheels. SPACE or Esc is the emergency stop, and `c` clears it; `a` arms, `r` goes to SAFE, `d` goes to SAFE and disarms, `q`
+/// goes to SAFE, disarms and quits; a second `q` disarms at once, even in the middle of a step. With --steer no terminal is
+/// needed: the program arms the robot, steers it by the list, and disarms it.
 ///
 /// With --terrain, a simulated robot is steered over a terrain, without a bus. The robot is measured: each horizon begins in its
 /// present state, and a tracker follows the plans with the measured contacts.
@@ -96,6 +97,9 @@ pub struct Args {
     sensed: Option<Sensing>,
 }
 
+/// Help for a speed that the robot cannot reach.
+const UNITS: &str = "FORWARD and LEFT are in m/s and TURN in rad/s: 10 cm/s is 0.1";
+
 fn duration(text: &str) -> Result<f64, String> {
     number_within(text, 0.1..=86_400.0)
 }
@@ -119,6 +123,19 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     let prepared = args.steering.prepare(&args.library, args.robot.as_deref())?;
     prepared.check_goes().map_err(|why| miette!(help = GIVE_GAIT, "{why}"))?;
+    if let Some(reach) = &prepared.reach {
+        for step in &args.steer {
+            let text = format!("--steer {step}");
+            reach.check(&text, step.steering).map_err(|why| miette!(help = UNITS, "{why}"))?;
+        }
+    }
+    if prepared.route.gait.is_none() && args.steer.iter().any(|step| step.steering.left_m_s != 0.0)
+    {
+        output::print_line(
+            "warning: without a gait the robot does not move sideways, so LEFT has no effect; give a \
+             gait with --gait PLAN.json",
+        );
+    }
     if let Some(terrain) = &args.terrain {
         return simulated::run(args, &prepared.route, terrain);
     }
@@ -128,11 +145,11 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             "there is no bus to the robot"
         )
     })?;
-    let SteeringInputs { route, fastest, catalog } = prepared;
+    let SteeringInputs { route, fastest, catalog, .. } = prepared;
     let gamepad =
         args.gamepad.as_deref().map(|device| Gamepad::open(device, args.mapping.as_deref()));
     let gamepad = gamepad.transpose()?;
-    let peer = link.peer()?;
+    let peer = link.streaming_peer()?;
     let mut bus = link.live().map_err(cannot_open)?;
     let node = link.node;
     if listener::find_host(&mut bus, node).is_ok_and(|listener| listener.has_host()) {

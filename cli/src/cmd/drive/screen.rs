@@ -51,7 +51,12 @@ pub fn draw(frame: &mut Frame, scene: &Scene) {
 fn state(scene: &Scene) -> Line<'static> {
     let view = scene.view;
     let (words, colour) = match view.status {
-        _ if view.stopping => ("EMERGENCY STOP is being sent".to_owned(), Color::Red),
+        _ if view.stopping && view.link.contact => {
+            ("EMERGENCY STOP is being sent".to_owned(), Color::Red)
+        }
+        _ if view.stopping => {
+            ("EMERGENCY STOP is NOT acknowledged: press the robot's own".to_owned(), Color::Red)
+        }
         _ if view.bus_lost.is_some() => ("the bus is lost".to_owned(), Color::Red),
         None => ("no answer yet".to_owned(), Color::Gray),
         Some(_) if !view.link.contact => ("no contact".to_owned(), Color::Red),

@@ -2,6 +2,7 @@
 
 use rollwalk_planner::receding::Steering;
 use rollwalk_terminal::inputs::number_within;
+use std::fmt;
 use std::str::FromStr;
 
 /// Maximum duration of a drive, s: a day.
@@ -16,6 +17,13 @@ pub struct Step {
     pub at_s: f64,
     /// Steering until the next step.
     pub steering: Steering,
+}
+
+impl fmt::Display for Step {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Steering { forward_m_s, left_m_s, turn_rad_s } = self.steering;
+        write!(f, "{}:{forward_m_s},{left_m_s},{turn_rad_s}", self.at_s)
+    }
 }
 
 impl FromStr for Step {

@@ -1,11 +1,12 @@
 //! Link to a controller, as commands open it.
 //!
-//! [`operated_bus`] is an operator on a link, [`names`] contains the names of motions and channels, and [`steering`] prepares
-//! continuous steering.
+//! [`operated_bus`] is an operator on a link, [`names`] contains the names of motions and channels, [`steering`] prepares
+//! continuous steering, and [`reach`] bounds its speeds.
 
 mod interruptible;
 pub mod names;
 pub mod operated_bus;
+pub mod reach;
 pub mod steering;
 
 pub use interruptible::Interruptible;
@@ -19,8 +20,10 @@ use rollwalk_bus::port::LiveLink;
 use rollwalk_bus::priority;
 use rollwalk_host::authentication::Peer;
 use rollwalk_host::catalog::Catalog;
-use rollwalk_host::session::{Session, SessionError};
-use rollwalk_protocol::wire::{CommandResult, Node};
+use rollwalk_host::refusal::is_of_other_robot;
+use rollwalk_host::session::{CLEAR, Session, SessionError};
+use rollwalk_protocol::wire::transport::TransferResult;
+use rollwalk_protocol::wire::{CommandResult, Node, State};
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -121,6 +124,23 @@ impl LinkArgs {
         Ok(Peer { node: self.node, credentials })
     }
 
+    /// Controller for a program that streams set-points.
+    ///
+    /// # Errors
+    /// Returns an error if the user gave a link key: a controller with a link key refuses set-points, and a controller without
+    /// one refuses the key.
+    pub fn streaming_peer(&self) -> miette::Result<Peer> {
+        match &self.link_key {
+            None => self.peer(),
+            Some(key) => Err(miette!(
+                help = "play motions of its library: rollwalk send --arm MOTION; for a robot without a \
+                        link key, leave out --link-key and unset ROLLWALK_LINK_KEY",
+                "{}: a controller with a link key refuses streamed setpoints, which carry no signature",
+                key.display()
+            )),
+        }
+    }
+
     /// Opens the bus and connects to the controller as its only host.
     ///
     /// # Errors
@@ -164,20 +184,77 @@ impl LinkArgs {
             }
             SessionError::HasHost { .. } => {
                 "end the other program first, such as a console; while it runs, use only `rollwalk \
-                 estop`, `disarm`, `return`, `pause`, `resume`, `clear` and `send` without --arm"
+                 estop`, `disarm`, `return`, `pause`, `resume`, `clear`, `gains`, `monitor`, `doctor` \
+                 and `send` without --arm"
                     .into()
+            }
+            SessionError::Refused { what, result, state, .. } => {
+                match remedy(what, *result, *state, bus) {
+                    Some(help) => help,
+                    None => return miette!("{}", error.words(catalog)),
+                }
+            }
+            SessionError::LibraryRefused { reply } if is_of_other_robot(reply) => {
+                format!("wrong file, or wrong robot: rollwalk discover --bus {bus}")
+            }
+            SessionError::LibraryRefused { reply }
+                if reply.result == TransferResult::WrongState =>
+            {
+                format!("rollwalk disarm --bus {bus}, or after a stop rollwalk clear --bus {bus}")
             }
             // These messages name the remedy themselves.
             SessionError::ParameterRefused { .. }
             | SessionError::Transferring { .. }
             | SessionError::NoSession { .. }
-            | SessionError::Refused { result: CommandResult::AuthenticationRequired, .. } => {
-                return miette!("{error}");
-            }
+            | SessionError::LibraryRefused { .. } => return miette!("{error}"),
             _ => format!("find the cause and its remedy: rollwalk doctor --bus {bus}"),
         };
         miette!(help = help, "{}", error.words(catalog))
     }
+}
+
+/// Command to type after a refusal, or `None` if the refusal names its remedy. `what` is the refused request.
+fn remedy(
+    what: &str,
+    result: CommandResult,
+    state: Option<State>,
+    bus: &BusName,
+) -> Option<String> {
+    use CommandResult::{
+        ConfigMismatch, Expired, FaultPresent, NoLibrary, NotArmed, OutOfOrder, PoseUnknown,
+        WrongNonce, WrongState,
+    };
+    Some(match (result, state) {
+        (NotArmed, _) | (WrongState, Some(State::Disarmed)) => {
+            format!("arm and play: rollwalk send --arm MOTION --bus {bus}")
+        }
+        (WrongState, Some(State::Paused)) => format!(
+            "resume: rollwalk resume --bus {bus}; or return to SAFE: rollwalk return --bus {bus}"
+        ),
+        (WrongState, Some(State::EStopped | State::TorqueOff)) => {
+            format!("remove the cause, then type rollwalk clear --bus {bus}")
+        }
+        (WrongState, Some(State::Returning | State::Damped)) if what == CLEAR => {
+            format!("wait until torque is off, then type rollwalk clear --bus {bus}")
+        }
+        (WrongState, Some(State::Returning | State::Damped)) => {
+            format!("wait until torque is off, then type rollwalk send --arm MOTION --bus {bus}")
+        }
+        (WrongState, Some(State::Streaming)) => {
+            format!("end the stream of setpoints: rollwalk return --bus {bus}")
+        }
+        (WrongState, Some(State::Boot | State::SelfTest | State::Aligning)) => {
+            "wait a few seconds, and try again".into()
+        }
+        (WrongState, Some(_)) if what == CLEAR => return None,
+        (NoLibrary | ConfigMismatch, _) => {
+            format!("rollwalk flash LIB.rwl --robot ROBOT.toml --bus {bus}")
+        }
+        (FaultPresent | PoseUnknown | WrongNonce | Expired | OutOfOrder | WrongState, _) => {
+            format!("find the cause and its remedy: rollwalk doctor --bus {bus}")
+        }
+        _ => return None,
+    })
 }
 
 /// End of a command whose session failed, after the failure was reported.
@@ -205,7 +282,11 @@ pub fn report_lost_bus(bus: &BusName, error: &LinkError) -> FailedSession {
     if interrupt::requested() {
         return FailedSession(Exit::Interrupted);
     }
-    let help = "check the cable and the adapter; `rollwalk doctor --system` checks this computer";
+    let help = match bus {
+        BusName::Sim { .. } => format!("start rollwalk-sim ROBOT.toml --bus {bus}"),
+        _ => "check the cable and the adapter; `rollwalk doctor --system` checks this computer"
+            .into(),
+    };
     output::print_report(&miette!(help = help, "{bus} is lost: {error}"));
     FailedSession(Exit::NotDone)
 }

@@ -82,22 +82,13 @@ impl NamesArgs {
     /// # Errors
     /// Returns an error if a file that the user named is missing or wrong.
     pub fn look_up(&self, hello: Option<&Hello>) -> miette::Result<Option<Catalog>> {
+        let named = self.robot.as_deref().map(|path| named_robot(path, hello)).transpose()?;
         let library = hello.and_then(|hello| hello.library);
         if let Some(catalog) = library.map(|library| self.find(library)).transpose()?.flatten() {
             return Ok(Some(catalog));
         }
-        let (robot, config_hash) = match (&self.robot, hello) {
-            (Some(path), _) => {
-                let robot = Source::Disk.robot(path)?;
-                let config_hash = robot.controller_config().into_diagnostic()?.hash();
-                if hello.is_some_and(|hello| hello.config_hash != config_hash) {
-                    output::print_line(format_args!(
-                        "{} does not describe the controller's robot: names may be wrong",
-                        path.display()
-                    ));
-                }
-                (robot, config_hash)
-            }
+        let (robot, config_hash) = match (named, hello) {
+            (Some(named), _) => named,
             (None, Some(hello)) => match validated_library::robot_of(hello.config_hash) {
                 Some(robot) => (robot, hello.config_hash),
                 None => return Ok(None),
@@ -107,6 +98,21 @@ impl NamesArgs {
         let catalog = Catalog::of_robot(&robot.name, config_hash, channel_names(&robot));
         Ok(Some(catalog.with_actuators(actuators(&robot))))
     }
+}
+
+/// Reads a robot file with its configuration hash, and warns if the controller has another configuration.
+fn named_robot(path: &Path, hello: Option<&Hello>) -> miette::Result<(Robot, u32)> {
+    let robot = Source::Disk.robot(path)?;
+    let config_hash = robot.controller_config().into_diagnostic()?.hash();
+    if let Some(hello) = hello.filter(|hello| hello.config_hash != config_hash) {
+        let of = validated_library::robot_of(hello.config_hash);
+        let of = of.map_or_else(|| "another robot".to_owned(), |robot| robot.name);
+        output::print_line(format_args!(
+            "{} does not describe the controller's robot ({of}): names may be wrong",
+            path.display()
+        ));
+    }
+    Ok((robot, config_hash))
 }
 
 /// Caches the names of a library. A failed write is reported, but is not an error.

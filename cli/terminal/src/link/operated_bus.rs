@@ -8,7 +8,7 @@ use crate::{Exit, output};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::port::LiveLink;
 use rollwalk_host::describe::{has_to_be_cleared, is_at_rest, state_name};
-use rollwalk_host::operator::{Message, Operator, View};
+use rollwalk_host::operator::{Message, Operator, View, Weight};
 use rollwalk_protocol::can::Frame;
 use std::collections::VecDeque;
 use std::thread;
@@ -18,6 +18,8 @@ use std::time::{Duration, Instant};
 const LISTEN_US: u64 = 10_000;
 /// Interval between attempts to open a lost bus, µs.
 const REOPEN_US: u64 = 1_000_000;
+/// Time between two calls of [`OperatedBus::send`] from which the program counts as suspended, µs.
+const SUSPENDED_US: u64 = 1_000_000;
 /// Delay before a frame is resent after a full transmit queue, µs.
 const BUSY_US: u64 = 500;
 
@@ -28,6 +30,8 @@ pub struct OperatedBus<'a> {
     /// Operator: sends commands and tracks the state of the robot.
     pub operator: Operator,
     started: Instant,
+    /// Time of the previous call of [`send`](Self::send), µs.
+    sent_us: u64,
     reopen_us: u64,
     /// Frames received since the previous call of [`received_frames`](Self::received_frames); `None` before the first call.
     heard: Option<Vec<Frame>>,
@@ -37,7 +41,7 @@ impl<'a> OperatedBus<'a> {
     /// Starts an operator on an open bus.
     pub fn new(link: &'a LinkArgs, bus: LiveLink, operator: Operator) -> Self {
         let (bus, started) = (Some(bus), Instant::now());
-        Self { link, bus, operator, started, reopen_us: 0, heard: None }
+        Self { link, bus, operator, started, sent_us: 0, reopen_us: 0, heard: None }
     }
 
     /// Frames received since the previous call, for data that the operator ignores. The first call returns none and starts the
@@ -54,6 +58,14 @@ impl<'a> OperatedBus<'a> {
     /// Sends all frames that the operator has ready, and reopens a lost bus.
     pub fn send(&mut self) {
         let now_us = self.now_us();
+        let paused_us = now_us - std::mem::replace(&mut self.sent_us, now_us);
+        if paused_us > SUSPENDED_US {
+            let text = format!(
+                "this program was suspended for {:.1} s, and sent no heartbeats",
+                paused_us as f64 * 1e-6
+            );
+            self.operator.notify(now_us, Weight::Warning, text);
+        }
         let Some(bus) = &mut self.bus else {
             if now_us >= self.reopen_us {
                 self.reopen_us = now_us + REOPEN_US;

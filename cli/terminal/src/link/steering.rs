@@ -1,5 +1,6 @@
 //! Inputs of continuous steering: the motion library with its SAFE pose, a gait, and the maximum speeds.
 
+use super::reach::Reach;
 use crate::inputs::{self, number_within};
 use crate::output;
 use crate::validated_library::ValidatedLibrary;
@@ -43,6 +44,8 @@ pub struct SteeringInputs {
     pub route: Route,
     /// Maximum speeds of steering.
     pub fastest: Fastest,
+    /// Speeds that no plan exceeds; `None` if they are unknown.
+    pub reach: Option<Reach>,
     /// Names of the library whose SAFE pose the robot starts in.
     pub catalog: Catalog,
 }
@@ -79,10 +82,10 @@ impl SteeringArgs {
     /// planned.
     pub fn prepare(&self, library: &Path, robot: Option<&Path>) -> miette::Result<SteeringInputs> {
         let packed = ValidatedLibrary::read(library, robot)?;
-        let (route, fastest) = self.route(library, &packed)?;
+        let (route, fastest, reach) = self.route(library, &packed)?;
         // Planning errors must appear before the robot is armed.
         route.course().map_err(Report::msg)?;
-        Ok(SteeringInputs { route, fastest, catalog: packed.catalog() })
+        Ok(SteeringInputs { route, fastest, reach, catalog: packed.catalog() })
     }
 
     /// Time limit of a plan.
@@ -90,8 +93,12 @@ impl SteeringArgs {
         Duration::from_millis(self.budget_ms)
     }
 
-    /// Route with the SAFE pose and the gait, and the maximum speeds.
-    fn route(&self, library: &Path, packed: &ValidatedLibrary) -> miette::Result<(Route, Fastest)> {
+    /// Route with the SAFE pose and the gait, the maximum speeds, and the speeds that no plan exceeds.
+    fn route(
+        &self,
+        library: &Path,
+        packed: &ValidatedLibrary,
+    ) -> miette::Result<(Route, Fastest, Option<Reach>)> {
         let robot = packed.robot.clone();
         let mut pose = [0.0; MAX_CHANNELS];
         packed
@@ -107,7 +114,8 @@ impl SteeringArgs {
         let gait = plan.as_ref().map(Gait::of).transpose().into_diagnostic()?;
         let speed_m_s = self.speed.or(plan.as_ref().and_then(mean_speed_m_s)).unwrap_or(SPEED_M_S);
         let fastest = Fastest { speed_m_s, turn_rad_s: self.turn };
-        Ok((Route { robot, safe_rad, gait }, fastest))
+        let reach = Reach::new(&robot, plan.as_ref());
+        Ok((Route { robot, safe_rad, gait }, fastest, reach))
     }
 }
 

@@ -48,6 +48,9 @@ pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
 
 /// State in capital letters.
 pub fn state_words(view: &View) -> &'static str {
+    if view.stopping && (view.bus_lost.is_some() || !view.link.contact) {
+        return "STOP NOT CONFIRMED";
+    }
     if view.stopping {
         return "STOPPING";
     }
@@ -178,16 +181,18 @@ pub fn draw_faults(frame: &mut Frame, scene: &Scene, area: Rect) {
     let servos = servos(scene);
     let first = match &view.mismatch {
         Some(why) => Line::styled(fit(&format!(" DO NOT ARM: {why}"), width), bad),
+        None if !view.link.contact && faults.is_empty() => {
+            Line::styled(fit(" faults are unknown without contact", width), bad)
+        }
         None if faults.is_empty() && servos.is_empty() => Line::from(" no fault"),
         None if faults.is_empty() => {
             Line::styled(fit(&format!(" WARNING: {}", servos.join("; ")), width), bad)
         }
         None => Line::styled(fit(&format!(" FAULT: {}", faults.join("; ")), width), bad),
     };
-    let advice = if view.link.contact { view.advice } else { "wait, or check bus and power" };
     let next = Line::from(vec![
         Span::styled(" next: ", Style::new().add_modifier(Modifier::BOLD)),
-        Span::raw(fit(advice, width.saturating_sub(7))),
+        Span::raw(fit(view.advice, width.saturating_sub(7))),
     ]);
     frame.render_widget(Paragraph::new(vec![first, next]), area);
 }

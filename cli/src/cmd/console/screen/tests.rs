@@ -169,7 +169,7 @@ fn a_fault_on_the_way_to_safe() {
         number: 2,
         at_us: 64_500_000,
         weight: Weight::Warning,
-        text: "no contact: no frame arrived for 0.5 s; release the deadman, and an armed robot then returns to SAFE automatically, or halts if it was following streamed setpoints".into(),
+        text: "no contact: no frame arrived for 0.5 s; press the robot's own emergency stop if it moves, or release the deadman: an armed robot then returns to SAFE automatically, or halts if it was following streamed setpoints".into(),
         answers: None,
     });
     for (width, height) in [(80, 24), (120, 40)] {
@@ -188,6 +188,19 @@ fn a_bus_that_is_lost_and_the_help() {
     compare("lost_80x24", &render(&lost, 80, 24));
     let small = render(&lost, 40, 8);
     assert!(small.contains("SPACE: emergency stop"), "{small}");
+}
+
+/// Screen without contact: neither the stop nor the absence of faults is certain.
+#[test]
+fn without_contact_a_stop_and_the_faults_are_not_certain() {
+    let names = names();
+    let mut view = view(State::Playing, Some(3));
+    (view.stopping, view.link.contact) = (true, false);
+    let screen = render(&scene(&view, &names), 80, 24);
+    assert!(screen.contains("STOP NOT CONFIRMED"), "{screen}");
+    assert!(screen.contains("faults are unknown") && !screen.contains("no fault"), "{screen}");
+    view.link.contact = true;
+    assert!(render(&scene(&view, &names), 80, 24).contains("STOPPING"));
 }
 
 #[test]
