@@ -27,7 +27,7 @@ fn a_library_is_built_flashed_and_played_by_name_and_the_robot_is_stopped_and_cl
         .succeeds_with(5, &["flash a library: rollwalk flash LIB.rwl --robot ROBOT.toml"]);
     let flashed = run(&["flash", "legbot.rwl"]).succeeds();
     assert!(flashed.contains("legbot has library"), "{flashed}");
-    run(&["send", "rest"]).fails(5, &["torque is off; arm first", "rollwalk doctor"]);
+    run(&["send", "rest"]).fails(5, &["torque is off; arm first", "rollwalk send --arm MOTION"]);
     run(&["send", "--arm", "run"]).fails(1, &["no motion `run`", "give one of stand, rest"]);
     run(&["send", "--arm", "rest", "--speed", "2"]).fails(2, &["from 0.016 (1/64) to 1"]);
     in_time(&desk, &socket, &["send", "--arm", "rest", "1"]).succeeds();
@@ -60,6 +60,10 @@ fn a_library_is_built_flashed_and_played_by_name_and_the_robot_is_stopped_and_cl
     in_time(&desk, &socket, &["send", "--arm", "2"]).succeeds();
 
     run(&["monitor", "--for", "0.3", "--log", "run.log", "--mcap", "run.mcap"]).succeeds();
+    let again = run(&["monitor", "--for", "0.3", "--log", "run.log"]);
+    assert!(again.stderr.contains("the previous recording is now"), "{}", again.stderr);
+    let silent = ["controller 3 does not answer", "controller 1 is on this bus"];
+    run(&["monitor", "--for", "1", "--node", "3"]).fails(5, &silent);
     assert!(desk.read_text("run.log").contains(" sim0 310#"));
     assert!(desk.read("run.mcap").starts_with(b"\x89MCAP0\r\n"));
     drop(robot);

@@ -59,8 +59,11 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let (ours, theirs) = (packed.library().index().config_hash(), session.hello().config_hash);
     if ours != theirs {
         let report = miette!(
-            help = "build the firmware for this robot, or build the library from the robot file \
-                    that the firmware was built for",
+            help = format!(
+                "wrong file, or wrong robot: rollwalk discover --bus {} lists the robots; if the \
+                 firmware is old, build it for this robot",
+                args.link.bus
+            ),
             "{} is for {} (configuration {ours:08x}), but the controller is for {} (configuration \
              {theirs:08x})",
             args.library.display(),

@@ -171,10 +171,22 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
                 "all values are reset to the robot file until the next power cycle",
             )
         }
-        Action::Save(Link { link }) => {
-            let outcome = link.visit()?.save_parameters();
-            report_outcome(link, outcome, "saved")
+        Action::Save(Link { link }) => save(link),
+    }
+}
+
+/// Saves the values in force, and prints them.
+fn save(link: &LinkArgs) -> miette::Result<Exit> {
+    let mut session = link.visit()?;
+    let catalog = NamesArgs::default().look_up(Some(session.hello()))?;
+    let saved = session.save_parameters().and_then(|()| read(&mut session, catalog.as_ref()));
+    match saved {
+        Ok(shown) => {
+            let values = values_table(&shown);
+            output::print(&format!("saved, and used after each power-on:\n\n{values}"))?;
+            Ok(Exit::Ok)
         }
+        Err(error) => Ok(report_failure(link, &error)),
     }
 }
 
@@ -239,6 +251,12 @@ fn value(
 }
 
 fn table(shown: &GainsOutput) -> String {
+    let values = values_table(shown);
+    format!("{values}\n\nAfter power-on, the values came from {}.", shown.origin)
+}
+
+/// Table of all values.
+fn values_table(shown: &GainsOutput) -> String {
     let number =
         |value: Option<f32>| value.map_or_else(|| "-".into(), |value| format!("{value:.3}"));
     let mut table = Table::new(["channel", "", "kp N·m/rad", "kd N·m·s/rad", "limit N·m"]);
@@ -253,10 +271,7 @@ fn table(shown: &GainsOutput) -> String {
     }
     let share = number(shown.feed_forward);
     let table = table.render();
-    format!(
-        "{table}\n\nTorque feed-forward: {share}\n\nAfter power-on, the values came from {}.",
-        shown.origin
-    )
+    format!("{table}\n\nTorque feed-forward: {share}")
 }
 
 fn set(args: &Set) -> miette::Result<Exit> {

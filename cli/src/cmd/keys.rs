@@ -52,7 +52,11 @@ pub fn run(action: &Action) -> miette::Result<Exit> {
         Action::New(New { file }) => {
             keys::new_link_key(file)?;
             let file = file.display();
-            output::print(&format!("wrote {file}; use the key with --link-key {file}"))?;
+            output::print(&format!(
+                "wrote {file}: keep a copy, because without it the robot needs a new image\nbuild the key \
+                 into the robot's image (firmware/boards/README.md), or simulate it with rollwalk-sim \
+                 --link-key {file}\ngive the key to each host: --link-key {file}, or ROLLWALK_LINK_KEY"
+            ))?;
         }
         Action::NewPair(NewPair { file }) => {
             let pair = signing::new_pair(file)?;

@@ -13,8 +13,10 @@ use rollwalk_bus::name::BusName;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::decode::{DecodedFrame, decode};
 use rollwalk_host::joints::{Reader, RobotContext};
+use rollwalk_host::session::SessionError;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::RobotConfig;
+use rollwalk_protocol::wire::FromController;
 use rollwalk_robot::{Robot, Solid};
 use rollwalk_terminal::files::{Lines, Output, RotationArgs};
 use rollwalk_terminal::inputs::Source;
@@ -23,6 +25,7 @@ use rollwalk_terminal::link::{Interruptible, LinkArgs, report_lost_bus};
 use rollwalk_terminal::validated_library::ValidatedLibrary;
 use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 use view::View;
@@ -137,15 +140,21 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         mcap: mcap.transpose()?,
         view: View::new(catalog.as_ref(), args.joints, args.json, began_us),
         node: args.link.node.number(),
+        controllers: BTreeSet::new(),
         live: live.map(|view| (Reader::new(args.link.node, known), view)),
     };
     let outcome = before.iter().try_for_each(|(at_us, frame)| monitor.take(*at_us, frame));
     let outcome = outcome.and_then(|()| listen(&mut bus, args, end_us, &mut monitor));
+    let was_heard = monitor.controllers.contains(&monitor.node);
+    let silent = monitor.silent(&bus);
     monitor.finish()?;
     match outcome {
-        Ok(()) => Ok(Exit::Ok),
-        Err(_) if interrupt::requested() => Ok(Exit::Ok),
-        Err(error) => Err(error),
+        Err(error) if !interrupt::requested() => Err(error),
+        _ if was_heard => Ok(Exit::Ok),
+        _ => {
+            output::print_report(&args.link.explain(&silent, None));
+            Ok(Exit::NotDone)
+        }
     }
 }
 
@@ -191,23 +200,18 @@ fn listen(
     let mut silent_us = bus.now_us();
     while bus.now_us() < end_us {
         let deadline_us = end_us.min(silent_us.saturating_add(SILENCE_US));
-        match bus.receive(deadline_us).map_err(down)? {
-            Some(frame) => {
+        if let Some(frame) = bus.receive(deadline_us).map_err(down)? {
+            if monitor.is_of_controller(&frame) {
                 silent_us = bus.now_us();
-                monitor.take(since_1970_us(), &frame)?;
             }
-            None if bus.now_us() >= silent_us.saturating_add(SILENCE_US)
-                && bus.now_us() < end_us =>
-            {
-                let why = bus
-                    .fault_and_remedy()
-                    .unwrap_or_else(|| "check that the robot is switched on".into());
-                output::print_line(format_args!("no frames on {}: {why}", args.link.bus));
-                monitor.keep()?;
-                // The silence is reported once.
-                silent_us = u64::MAX;
-            }
-            None => {}
+            monitor.take(since_1970_us(), &frame)?;
+        }
+        let now_us = bus.now_us();
+        if now_us >= silent_us.saturating_add(SILENCE_US) && now_us < end_us {
+            output::print_line(monitor.silent(bus));
+            monitor.keep()?;
+            // The silence is reported once.
+            silent_us = u64::MAX;
         }
     }
     Ok(())
@@ -234,11 +238,26 @@ struct Monitor<'a> {
     view: View<'a>,
     /// Address of the controller.
     node: u8,
+    /// Addresses of all controllers that sent a frame.
+    controllers: BTreeSet<u8>,
     live: Option<(Reader<'a>, live::View<'a>)>,
 }
 
 impl Monitor<'_> {
+    /// True for a frame of the monitored controller.
+    fn is_of_controller(&self, frame: &Frame) -> bool {
+        FromController::decode(frame).is_ok_and(|(from, _)| from.number() == self.node)
+    }
+
+    /// Error for a controller that sends nothing.
+    fn silent(&self, bus: &impl LinkBus) -> SessionError {
+        SessionError::no_frames(self.node, bus, self.controllers.first().copied())
+    }
+
     fn take(&mut self, at_us: u64, frame: &Frame) -> miette::Result<()> {
+        if let Ok((from, _)) = FromController::decode(frame) {
+            self.controllers.insert(from.number());
+        }
         if let Some(log) = &mut self.log {
             let interface = self.interface.as_str();
             log.push(LogEntry { at_us, interface, frame: *frame })?;

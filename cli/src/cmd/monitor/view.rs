@@ -170,7 +170,13 @@ impl<'a> View<'a> {
                 let motions = self.catalog.into_iter().flat_map(|catalog| &catalog.motions);
                 let name = motions.filter(|motion| motion.code == Some(code)).map(|m| &m.name);
                 let name = name.map(|name| format!(" ({name})")).next().unwrap_or_default();
-                format!("play {code}{name} at {speed_64ths}/64")
+                match speed_64ths {
+                    64 => format!("play {code}{name}"),
+                    _ => {
+                        let percent = f64::from(speed_64ths) / 0.64;
+                        format!("play {code}{name} at {percent:.0} % of its speed")
+                    }
+                }
             }
             Action::Pause => "pause".into(),
             Action::Resume => "resume".into(),
@@ -187,13 +193,8 @@ impl<'a> View<'a> {
             Action::Unknown { kind, .. } => format!("of unknown kind {kind}"),
         };
         match result {
-            // The new host continues the count of the previous host.
-            CommandResult::OutOfOrder => self.print_event(
-                at_us,
-                &format!(
-                    "command: {what}: the sequence number was already used, so the host sends the next one"
-                ),
-            ),
+            // A new host continues the count of the previous host: it sends the command again with the next number.
+            CommandResult::OutOfOrder => Ok(()),
             CommandResult::Ok => self.print_event(at_us, &format!("command: {what}")),
             _ => self.print_event(
                 at_us,

@@ -5,9 +5,9 @@ mod play;
 
 use miette::{IntoDiagnostic, miette};
 use motion_request::{MotionRequest, SelectedMotion, choose};
-use play::{Playing, play};
+use play::{PlayEnd, Playing, play};
 use rollwalk_host::catalog::Catalog;
-use rollwalk_host::describe::state_name;
+use rollwalk_host::describe::alone;
 use rollwalk_host::session::SessionError;
 use rollwalk_protocol::library::PlaceCode;
 use rollwalk_protocol::wire::{State, Status};
@@ -18,6 +18,8 @@ use rollwalk_terminal::{Exit, interrupt, output};
 
 /// Maximum time of a return to SAFE, µs. A return at a small fraction of the planned speed is slow.
 const HOME_US: u64 = 30_000_000;
+/// Time in SAFE after another program has returned the robot, µs, in which that program detects the end of its command.
+const SEEN_US: u64 = 500_000;
 
 /// Play motions by command code or name.
 ///
@@ -95,8 +97,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let chosen: Vec<_> = chosen.collect::<miette::Result<_>>()?;
     if !args.arm {
         return match play(&mut session, args.playing(false), &chosen) {
-            Ok(()) if interrupt::requested() => Ok(Exit::Interrupted),
-            Ok(()) => Ok(Exit::Ok),
+            Ok(_) if interrupt::requested() => Ok(Exit::Interrupted),
+            Ok(PlayEnd::Whole) => Ok(Exit::Ok),
+            Ok(PlayEnd::Returned | PlayEnd::Replaced) => Ok(Exit::NotDone),
             Err(error) => Ok(report_failure_on(&args.link, &error, robot.as_ref())),
         };
     }
@@ -132,6 +135,10 @@ fn arm_and_play(
         }
     };
     session.bus_mut().ignore_interrupts();
+    if let Ok(PlayEnd::Returned) = outcome {
+        wait_for_safe(session);
+    }
+    let is_silent = matches!(&outcome, Err(SessionError::Link(_) | SessionError::Silent { .. }));
     let home = match outcome.as_ref().err().and_then(elsewhere) {
         Some(State::EStopped | State::TorqueOff | State::Damped) => {
             wait_until_disarmed(session);
@@ -139,15 +146,18 @@ fn arm_and_play(
         }
         // The robot has restarted, or another program has disarmed it.
         Some(State::Disarmed | State::Boot | State::SelfTest) => Ok(()),
-        _ => return_and_disarm(session),
+        _ => return_and_disarm(session, !is_silent),
     };
     let exit = match outcome {
-        Ok(()) if interrupt::requested() => Exit::Interrupted,
-        Ok(()) => Exit::Ok,
+        Ok(_) if interrupt::requested() => Exit::Interrupted,
+        Ok(PlayEnd::Whole) => Exit::Ok,
+        Ok(PlayEnd::Returned | PlayEnd::Replaced) => Exit::NotDone,
         Err(error) => report_failure_on(&args.link, &error, robot),
     };
     match home {
         Ok(()) => Ok(exit),
+        // The report of the lost contact was printed already.
+        Err(SessionError::Link(_) | SessionError::Silent { .. }) if is_silent => Ok(exit),
         Err(error) => {
             let report = args.link.explain(&error, robot);
             let report = report.wrap_err("the robot did not return to SAFE and disarm");
@@ -172,13 +182,20 @@ fn wait_until_disarmed(session: &mut LiveSession) {
     }
 }
 
+/// Waits until a robot that another program returns is in SAFE, and until that program has seen it.
+fn wait_for_safe(session: &mut LiveSession) {
+    // If the robot does not arrive, disarming reports the cause.
+    if session.wait_for_state(State::Ready, HOME_US).is_ok() {
+        let _ = session.run_for(SEEN_US);
+    }
+}
+
 /// Returns to SAFE and turns torque off. DISARM does both from every state; RETURN is refused while the robot aligns.
-fn return_and_disarm(session: &mut LiveSession) -> Result<(), SessionError> {
-    if let Some(status) = session.status() {
-        output::print_line(format_args!(
-            "the robot was {}, and is returning to SAFE",
-            state_name(status.state)
-        ));
+fn return_and_disarm(session: &mut LiveSession, has_contact: bool) -> Result<(), SessionError> {
+    let alone = session.status().and_then(|status| alone(status.state));
+    match alone.filter(|_| !has_contact) {
+        Some(alone) => output::print_line(format_args!("no contact: {alone}")),
+        None => output::print_line("returning to SAFE"),
     }
     let mut home = session.disarm();
     // If the program ended while the robot moves, the robot would latch a lost host.

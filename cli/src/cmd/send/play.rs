@@ -35,6 +35,17 @@ pub struct Playing {
     pub holds: bool,
 }
 
+/// End of playing without an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlayEnd {
+    /// End of the last motion, or Ctrl-C.
+    Whole,
+    /// Return to SAFE by another program.
+    Returned,
+    /// Other motion, commanded by another program.
+    Replaced,
+}
+
 /// Plays all motions in order and waits for the end of each. If another program is the host, returns when the last motion has
 /// begun.
 ///
@@ -44,7 +55,7 @@ pub fn play(
     session: &mut LiveSession,
     Playing { speed_64ths, mut place, holds }: Playing,
     all: &[SelectedMotion<'_>],
-) -> Result<(), SessionError> {
+) -> Result<PlayEnd, SessionError> {
     for (chosen, left) in all.iter().zip((0..all.len()).rev()) {
         if interrupt::requested() {
             break;
@@ -61,6 +72,9 @@ pub fn play(
             match chosen.motion {
                 Some((node, motion)) => {
                     wait_for(session, chosen, node, ack.value)?;
+                    if session.was_returned() {
+                        return Ok(returned());
+                    }
                     output::print_line(format_args!("playing {}", motion.name));
                 }
                 None => run_for(session, begins_s)?,
@@ -70,9 +84,17 @@ pub fn play(
         match chosen.motion {
             Some((node, motion)) => {
                 wait_for(session, chosen, node, ack.value)?;
+                if session.was_returned() {
+                    return Ok(returned());
+                }
                 output::print_line(format_args!("playing {}", motion.name));
                 // The controller acknowledges a loop that already plays with a delay of 0.
-                finish(session, chosen, motion, speed_64ths, ack.value == 0)?;
+                if !finish(session, chosen, motion, speed_64ths, ack.value == 0)? {
+                    output::print_line(
+                        "another program has ended the motion: nothing more is played",
+                    );
+                    return Ok(PlayEnd::Replaced);
+                }
             }
             // Without a catalog, the duration is unknown.
             None => {
@@ -80,11 +102,20 @@ pub fn play(
                 run_for(session, begins_s + chosen.seconds.unwrap_or(5.0))?;
             }
         }
+        if session.was_returned() {
+            return Ok(returned());
+        }
     }
-    Ok(())
+    Ok(PlayEnd::Whole)
 }
 
-/// Waits until the motion has begun.
+/// Reports that another program returns the robot.
+fn returned() -> PlayEnd {
+    output::print_line("another program returns the robot to SAFE: nothing more is played");
+    PlayEnd::Returned
+}
+
+/// Waits until the motion has begun, or another program returns the robot.
 fn wait_for(
     session: &mut LiveSession,
     chosen: &SelectedMotion,
@@ -107,14 +138,15 @@ fn wait_for(
     })
 }
 
-/// Waits for the end of a finite motion. A loop plays for its requested time and then to the end of its cycle.
+/// Waits for the end of a finite motion. A loop plays for its requested time and then to the end of its cycle. Returns false if
+/// another program has ended the loop by another motion.
 fn finish(
     session: &mut LiveSession,
     chosen: &SelectedMotion,
     motion: &CatalogMotion,
     speed_64ths: i8,
     played_before: bool,
-) -> Result<(), SessionError> {
+) -> Result<bool, SessionError> {
     let round = f64::from(motion.frames) / f64::from(RATE_HZ);
     let node = chosen.motion.map(|(node, _)| node);
     let is_it = |status: &&Status| status.clip.map(usize::from) == node;
@@ -132,7 +164,7 @@ fn finish(
         });
     }
     if let Some(seconds) = chosen.seconds {
-        return run_for(session, seconds);
+        return run_for(session, seconds).map(|()| true);
     }
     let last = motion.frames.saturating_sub(1);
     wait_also_while_paused(
@@ -151,6 +183,7 @@ fn finish(
             }
         },
     )
+    .map(|()| true)
 }
 
 /// Playback of a loop, in seconds at the actual playback speed.
@@ -250,6 +283,9 @@ fn wait_also_while_paused(
         let (status, passed_s) = hearing.next(session, PORTION_S)?;
         played_s += passed_s;
         let Some(status) = status else { continue };
+        if session.was_returned() {
+            return Ok(());
+        }
         let waited_for = what.into();
         match reached(&status) {
             Some(true) => return Ok(()),
@@ -269,21 +305,23 @@ fn run_for(session: &mut LiveSession, duration_s: f64) -> Result<(), SessionErro
         left_s -= passed_s;
         left_s
     })
+    .map(|_| ())
 }
 
 /// Waits while the robot plays, until `left_s` returns 0 or less.
 ///
 /// `left_s` receives the new status, if any, and the playing time since its previous call, without pauses. The wait ends early
-/// on Ctrl-C, if the robot stops by itself, and if the controller is silent. `repeats` is the node of a loop, which does not
-/// end by itself: a robot that leaves it was commanded by another program.
+/// on Ctrl-C, if another program returns the robot, if the robot stops by itself, and if the controller is silent. `repeats` is
+/// the node of a loop, which does not end by itself: a robot that leaves it was commanded by another program, and the function
+/// returns false.
 fn run_while(
     session: &mut LiveSession,
     repeats: Option<usize>,
     mut left_s: impl FnMut(Option<&Status>, f64) -> f64,
-) -> Result<(), SessionError> {
+) -> Result<bool, SessionError> {
     let (mut passed_s, mut hearing) = (0.0, StatusReader::default());
     let mut status = session.status();
-    while !interrupt::requested() {
+    while !interrupt::requested() && !session.was_returned() {
         let left_s = left_s(status.as_ref(), passed_s);
         if left_s <= 0.0 {
             break;
@@ -299,14 +337,13 @@ fn run_while(
             State::Playing | State::Ready | State::Returning
                 if repeats.is_some() && status.clip.map(usize::from) != repeats =>
             {
-                output::print_line("another program has ended the motion: nothing more is played");
-                return Err(SessionError::WentElsewhere { waited_for, status });
+                return Ok(session.was_returned());
             }
             State::Playing | State::Ready | State::Returning | State::Paused | State::Aligning => {}
             _ => return Err(SessionError::WentElsewhere { waited_for, status }),
         }
     }
-    Ok(())
+    Ok(true)
 }
 
 fn micros(seconds: f64) -> u64 {
