@@ -215,7 +215,7 @@ fn every_kind_of_mistake_in_a_motion_file_is_named() {
     );
     assert_faults(
         broken("forward_m = 0.12", "forward_mm = 120"),
-        &[(line("forward_m"), "[goal]: unknown key `forward_mm`", "did you mean `forward_m`?")],
+        &[(line("forward_m"), "[goal]: unknown key `forward_mm`", "give `forward_m = 0.12`")],
     );
     assert_faults(
         broken("samples = 32", "samples = 2.5"),
