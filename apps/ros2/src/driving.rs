@@ -23,7 +23,7 @@ pub struct NodePilot {
 impl NodePilot {
     /// Creates a pilot at rest. `budget` is the time limit of a plan, and `timeout_s` is the lifetime of a velocity.
     pub fn new(prepared: SteeringInputs, budget: Duration, timeout_s: f64) -> Self {
-        let SteeringInputs { route, fastest, catalog } = prepared;
+        let SteeringInputs { route, fastest, catalog, .. } = prepared;
         let mut pilot = Pilot::new(false);
         pilot.rest();
         Self {
