@@ -39,6 +39,9 @@ pub struct RunOutcome {
     /// motion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub height: Option<f64>,
+    /// Ratio of the largest height of the centre of mass to the largest planned one; `None` for motions that stay on their feet.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub height_max: Option<f64>,
     /// Time at which the robot fell, s; `None` if it did not fall.
     pub fell_at_s: Option<f64>,
     /// First contact with an obstacle; `None` if there was none.
@@ -89,8 +92,13 @@ impl RunOutcome {
         if let Some(at_s) = self.fell_at_s {
             return Some(MotionFailure::Falls { at_s });
         }
-        if let Some(ratio) = self.height.filter(|ratio| !(BAND[0]..=BAND[1]).contains(ratio)) {
+        let is_off = |ratio: &f64| !(BAND[0]..=BAND[1]).contains(ratio);
+        if let Some(ratio) = self.height.filter(is_off) {
             return Some(MotionFailure::Height { ratio });
+        }
+        // A motion that begins and ends on the body ends at its height even if the robot never rises.
+        if let Some(ratio) = self.height_max.filter(is_off) {
+            return Some(MotionFailure::HeightMax { ratio });
         }
         let settled = self.settled();
         let last = settled.len().saturating_sub(LAST);
@@ -139,6 +147,11 @@ pub enum MotionFailure {
         /// Ratio of the height to the planned one.
         ratio: f64,
     },
+    /// Largest height that differs from the plan, without a fall.
+    HeightMax {
+        /// Ratio of the height to the planned one.
+        ratio: f64,
+    },
     /// Contact with an obstacle, before any fall.
     Collides(ObstacleContact),
     /// Run without a complete period.
@@ -165,6 +178,9 @@ impl fmt::Display for MotionFailure {
             Self::Collides(contact) => write!(f, "{contact}"),
             Self::Height { ratio } => {
                 write!(f, "the robot ends at {ratio:.3} of the planned height")
+            }
+            Self::HeightMax { ratio } => {
+                write!(f, "the robot rises to {ratio:.3} of the largest planned height")
             }
             Self::Changes { part } => {
                 write!(
@@ -193,6 +209,10 @@ pub(crate) struct Tracker {
     collision: Option<ObstacleContact>,
     /// Planned final height of the centre of mass, m; `None` unless the robot lies on its body during the motion.
     planned_height_m: Option<f64>,
+    /// Largest planned height of the centre of mass, m.
+    planned_height_max_m: f64,
+    /// Largest height of the centre of mass so far, m.
+    height_max_m: f64,
     steps: u64,
     iterations: u64,
     iterations_max: u32,
@@ -218,6 +238,8 @@ impl Tracker {
             obstacle_watch: ObstacleWatch::new(&plan.robot, ground.as_ref()),
             collision: None,
             planned_height_m: plan.robot.has_body_points().then_some(plan.after.com_m[2]),
+            planned_height_max_m: plan.samples.iter().fold(0.0, |max, at| max.max(at.com_m[2])),
+            height_max_m: 0.0,
             steps: 0,
             iterations: 0,
             iterations_max: 0,
@@ -233,6 +255,8 @@ impl Tracker {
     /// Adds a step.
     pub fn add(&mut self, world: &World, step_s: f64, report: &StepReport) {
         self.odometer.add(world, step_s);
+        let height_m = self.fall_watch.height_m(world);
+        self.height_max_m = self.height_max_m.max(height_m);
         self.steps += 1;
         self.iterations += u64::from(report.iterations);
         self.iterations_max = self.iterations_max.max(report.iterations);
@@ -278,6 +302,9 @@ impl Tracker {
             height: self
                 .planned_height_m
                 .map(|planned_m| self.fall_watch.height_m(world) / planned_m),
+            height_max: self
+                .planned_height_m
+                .map(|_| self.height_max_m / self.planned_height_max_m),
             fell_at_s: self.fell_at_s,
             collision: self.collision,
             time_s: world.system().time_s(),

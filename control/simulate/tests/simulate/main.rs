@@ -36,7 +36,12 @@ fn plan(robot_name: &str, motion: &str) -> Plan {
 
 /// Plans a shipped motion for a robot.
 fn plan_of(robot: &Robot, motion: &str) -> Plan {
-    let motion = Motion::from_toml(motion, &shipped(&format!("motions/{motion}")), robot).unwrap();
+    plan_of_text(robot, motion, &shipped(&format!("motions/{motion}")))
+}
+
+/// Plans the motion of a file with the given text.
+fn plan_of_text(robot: &Robot, name: &str, text: &str) -> Plan {
+    let motion = Motion::from_toml(name, text, robot).unwrap();
     let mut go_on = |_: &_| ControlFlow::Continue(());
     let plan = optimise(robot, &motion, &Options::default(), &mut go_on);
     assert_eq!(plan.solve.status, Status::Converged);

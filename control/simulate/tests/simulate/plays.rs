@@ -1,6 +1,6 @@
 //! Tests of shipped motions in the simulated world.
 
-use crate::plan;
+use crate::{plan, plan_of_text, robot, shipped};
 use rollwalk_multibody::ground::{Ground, Plane, Profile};
 use rollwalk_physics::push::Shove;
 use rollwalk_physics::world::heading_rad;
@@ -189,6 +189,21 @@ fn robots_stand_up_from_their_bodies() {
         let down = play(&limp, &Options::new(Control::FeedForward, 240), |_| true).unwrap();
         assert!(matches!(down.miss(), Some(MotionFailure::Height { .. })), "{down:?}");
     }
+}
+
+/// Plays rising from the body and lying down again. Without torque the robot ends at the planned height, but never rises.
+#[test]
+fn a_robot_that_never_rises_from_its_body_fails() {
+    let text = shipped("motions/anymal_stand_up").replace("\"start\"", "\"both\"");
+    let plan = plan_of_text(&robot("anymal_wheels"), "rise", &text);
+    let rises = play(&plan, &Options::new(TRACKING, 500), |_| true).unwrap();
+    assert!(rises.holds(), "{rises:?}");
+    let mut limp = plan;
+    for joint in &mut limp.robot.joints {
+        joint.actuator.torque_max_nm *= 1e-3;
+    }
+    let down = play(&limp, &Options::new(Control::FeedForward, 240), |_| true).unwrap();
+    assert!(matches!(down.miss(), Some(MotionFailure::HeightMax { .. })), "{down:?}");
 }
 
 /// Removes the sensors at several times of a motion. The robot comes to rest on its feet each time.
