@@ -13,6 +13,8 @@ mod parameters;
 mod parts;
 mod state;
 
+use crate::body::Body;
+use crate::contact::GroundContact;
 use crate::coupled_motor::CoupledMotor;
 use crate::force::Force;
 use crate::hold::{Hold, TargetPose};
@@ -25,7 +27,7 @@ use hinge::perpendicular;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::Ground;
 use rollwalk_multibody::{State, Tree};
-use rollwalk_robot::{Channel, EndEffector, Robot};
+use rollwalk_robot::{Channel, EndEffector, GRAVITY_M_S2, Robot};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -54,6 +56,8 @@ pub struct World {
     contacts: Vec<Range<usize>>,
     /// Force indices of the contacts of link shapes.
     shapes: Range<usize>,
+    /// Links with a foot or wheel, without the root link.
+    foot_links: Vec<usize>,
     /// True if the motion of the robot lies on its body.
     lies: bool,
     /// Force index of the hold on the root link.
@@ -82,6 +86,8 @@ impl World {
         let hold = assembly.add(Hold { body: [0], grip: parameters.grip, place: None });
         let push = assembly.add(Push { body: [0], force_n: Vector3::zeros() });
         let system = System::new(parameters.settings, assembly);
+        let foot_links = robot.end_effectors.iter().map(|end| end.link).filter(|link| *link > 0);
+        let foot_links = foot_links.collect();
         Self {
             system,
             root_center: centers[0],
@@ -90,6 +96,7 @@ impl World {
             motors,
             contacts,
             shapes,
+            foot_links,
             lies: robot.has_body_points(),
             hold,
             push,
@@ -241,6 +248,21 @@ impl World {
         self.shape_touches().map(|touch| touch.force).sum()
     }
 
+    /// Part of the robot's weight on its body and upper limbs, along the unit vector `up`. Nonzero only if the robot lies on
+    /// the ground.
+    pub(crate) fn weight_share_on_body(&self, up: &Vector3<f64>) -> f64 {
+        let on_body = self.body_touches().map(|touch| touch.force.dot(up)).sum::<f64>();
+        let mass_kg: f64 = self.system.bodies().iter().map(Body::mass_kg).sum();
+        on_body / (mass_kg * GRAVITY_M_S2)
+    }
+
+    /// Height of body and upper limbs above the ground, m; `None` if they have no shapes.
+    pub(crate) fn body_clearance_m(&self) -> Option<f64> {
+        let mut touches = self.body_touches().peekable();
+        touches.peek()?;
+        Some(lowest_m(touches))
+    }
+
     /// Largest depth of the robot in the ground, m; 0 if it is above the ground.
     pub fn depth_m(&self) -> f64 {
         let touches = self.foot_touches().chain(self.shape_touches());
@@ -254,6 +276,16 @@ impl World {
 
     fn shape_touches(&self) -> impl Iterator<Item = Touch> {
         self.shapes.clone().filter_map(|force| self.system.touch(force))
+    }
+
+    /// Contact states of the shapes of the root link and of links without an end effector. Shapes of the link of a foot or wheel
+    /// reach down to the ground in many robot files.
+    fn body_touches(&self) -> impl Iterator<Item = Touch> {
+        let carries = |force: &usize| {
+            let contact = self.system.force::<GroundContact>(*force);
+            contact.is_some_and(|of| !self.foot_links.contains(&of.body[0]))
+        };
+        self.shapes.clone().filter(carries).filter_map(|force| self.system.touch(force))
     }
 
     /// [`shaft`](Self::shaft) of each channel, in their order.

@@ -223,7 +223,7 @@ impl Grounded {
         }
         self.may_lie = may_lie;
         if may_lie {
-            self.fall_watch.allow_beginning();
+            self.fall_watch.allow_lying();
         }
         if self.travel.map(|travel| travel.motion) != motion {
             self.travels.extend(self.travel.take());

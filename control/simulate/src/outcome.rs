@@ -2,6 +2,7 @@
 
 use crate::control::Controller;
 use crate::judgement::{BAND, ComponentDeviation, PlannedDisplacement};
+use crate::run::REST_S;
 use crate::script::Script;
 use nalgebra::Rotation3;
 use rollwalk_multibody::ground::Ground;
@@ -44,6 +45,9 @@ pub struct RunOutcome {
     pub height_max: Option<f64>,
     /// Time at which the robot fell, s; `None` if it did not fall.
     pub fell_at_s: Option<f64>,
+    /// Time at which the motion ends, s; `None` for a periodic motion.
+    #[serde(skip)]
+    pub(crate) ended_at_s: Option<f64>,
     /// First contact with an obstacle; `None` if there was none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub collision: Option<ObstacleContact>,
@@ -90,7 +94,8 @@ impl RunOutcome {
             return Some(MotionFailure::Collides(collision.clone()));
         }
         if let Some(at_s) = self.fell_at_s {
-            return Some(MotionFailure::Falls { at_s });
+            let after_end_s = self.ended_at_s.map(|end_s| at_s - end_s).filter(|of| *of > 0.0);
+            return Some(MotionFailure::Falls { at_s, after_end_s });
         }
         let is_off = |ratio: &f64| !(BAND[0]..=BAND[1]).contains(ratio);
         if let Some(ratio) = self.height.filter(is_off) {
@@ -141,6 +146,9 @@ pub enum MotionFailure {
     Falls {
         /// Simulated time, s.
         at_s: f64,
+        /// Time since the end of the motion, s; `None` for a fall during the motion.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        after_end_s: Option<f64>,
     },
     /// Final height that differs from the plan, without a fall.
     Height {
@@ -174,7 +182,13 @@ pub enum MotionFailure {
 impl fmt::Display for MotionFailure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Falls { at_s } => write!(f, "the robot falls after {at_s:.2} s"),
+            Self::Falls { at_s, after_end_s: None } => {
+                write!(f, "the robot falls after {at_s:.2} s")
+            }
+            Self::Falls { at_s, after_end_s: Some(after_s) } => write!(
+                f,
+                "the robot falls after {at_s:.2} s, {after_s:.2} s after the motion has ended, while it holds the last pose"
+            ),
             Self::Collides(contact) => write!(f, "{contact}"),
             Self::Height { ratio } => {
                 write!(f, "the robot ends at {ratio:.3} of the planned height")
@@ -205,6 +219,8 @@ pub(crate) struct Tracker {
     fall_watch: FallWatch,
     cycles: Vec<NetDisplacement>,
     fell_at_s: Option<f64>,
+    /// Time at which the motion ends, s; `None` for a periodic motion.
+    ended_at_s: Option<f64>,
     obstacle_watch: Option<ObstacleWatch>,
     collision: Option<ObstacleContact>,
     /// Planned final height of the centre of mass, m; `None` unless the robot lies on its body during the motion.
@@ -235,6 +251,7 @@ impl Tracker {
             fall_watch: FallWatch::new(world, ground),
             cycles: Vec::new(),
             fell_at_s: None,
+            ended_at_s: (!script.repeats()).then(|| REST_S + script.duration_s()),
             obstacle_watch: ObstacleWatch::new(&plan.robot, ground.as_ref()),
             collision: None,
             planned_height_m: plan.robot.has_body_points().then_some(plan.after.com_m[2]),
@@ -306,6 +323,7 @@ impl Tracker {
                 .planned_height_m
                 .map(|_| self.height_max_m / self.planned_height_max_m),
             fell_at_s: self.fell_at_s,
+            ended_at_s: self.ended_at_s,
             collision: self.collision,
             time_s: world.system().time_s(),
             totals: self.odometer.totals(),

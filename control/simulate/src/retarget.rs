@@ -191,7 +191,7 @@ fn rollout(
     let planned = script.plan().motion.ground.solid();
     let ground: Arc<dyn Ground> = planned.unwrap_or_else(|| Arc::new(Plane::level()));
     let (mut world, _) = begin(script, robot, &ground, &Parameters::new(robot));
-    let fall_watch = FallWatch::new(&world, &ground);
+    let mut fall_watch = FallWatch::new(&world, &ground);
     let curves: Vec<_> = (0..joints).map(|joint| of_joint(knots, joints, joint)).collect();
     let parameters = Control::of_all(&world.motors()[..joints], curve);
     let mut recorder = Recorder::new(world.system(), parameters);

@@ -273,7 +273,7 @@ pub fn steer(
     let level = || -> Arc<dyn Ground> { Arc::new(Plane::level()) };
     let ground = options.ground.as_ref().map_or_else(level, |of| of.terrain.solid());
     let mut world = World::standing(robot, &ground, &Parameters::new(robot));
-    let fall_watch = FallWatch::new(&world, &ground);
+    let mut fall_watch = FallWatch::new(&world, &ground);
     let obstacle_watch = ObstacleWatch::new(robot, ground.as_ref());
     let tree = horizon.tree().clone();
     let mut tracker = Tracker::new(tree.clone(), Weights::default(), step_s);

@@ -14,6 +14,15 @@ use std::sync::Arc;
 const FALLEN_RAD: f64 = 1.0;
 /// Height of the centre of mass below which a robot has fallen, as a fraction of its starting height.
 const FALLEN_HEIGHT: f64 = 0.4;
+/// Mean part of the weight on body and upper limbs above which a robot has fallen. A robot that lies on its trunk
+/// leaves at most half of its weight to its wheels. A knee or belly that touches down leaves nearly all of it to the feet.
+const FALLEN_SHARE: f64 = 0.25;
+/// Time constant of this mean, s. An impact of a knee takes some hundredths of a second and does not count, however hard.
+const SHARE_S: f64 = 0.5;
+/// Tilt from the starting attitude up to which a robot that may lie down has not fallen, rad. Motions lay the body down level.
+const LEVEL_RAD: f64 = 0.35;
+/// Height of the body above the ground at which a robot begins on its body, as a fraction of the height of the centre of mass.
+const ON_BODY_HEIGHT: f64 = 0.02;
 
 /// Smallest vertical component of the ground normal at a robot's start.
 const STEEPEST: f64 = 0.5;
@@ -169,6 +178,14 @@ pub struct FallWatch {
     begin_m: f64,
     /// Height that counts as standing at present, from `begin_m` to `upright_m`, m.
     standing_m: f64,
+    /// True if the robot began on its body.
+    began_on_body: bool,
+    /// True if a level body may carry weight at present.
+    may_lie: bool,
+    /// Mean part of the weight on body and upper limbs.
+    share_on_body: f64,
+    /// Time of the latest check, s.
+    checked_s: f64,
 }
 
 impl FallWatch {
@@ -178,12 +195,17 @@ impl FallWatch {
         let ground = floor_of(ground);
         let up = normal_at_start(ground.as_ref());
         let upright_m = if world.lies { 0.0 } else { ground.at(&world.com().0).gap_m };
+        let began_on_body = is_on_body(world, upright_m);
         Self {
             up,
             start_up_in_body: world.base().1.transpose() * up,
             upright_m,
             begin_m: upright_m,
             standing_m: upright_m,
+            began_on_body,
+            may_lie: began_on_body,
+            share_on_body: 0.0,
+            checked_s: world.system().time_s(),
             ground,
         }
     }
@@ -192,16 +214,22 @@ impl FallWatch {
     pub fn begin_at(&mut self, world: &World) {
         self.begin_m = self.upright_m.min(self.height_m(world));
         self.standing_m = self.begin_m;
+        self.began_on_body = is_on_body(world, self.upright_m);
+        self.may_lie = self.began_on_body;
+        (self.share_on_body, self.checked_s) = (0.0, world.system().time_s());
     }
 
-    /// Counts the present height as standing if it is higher, for a robot that has risen from its body.
+    /// Counts the present height as standing if it is higher, for a robot that has risen from its body. A body that carries
+    /// weight has fallen, unless the robot began on its body.
     pub fn rise_to(&mut self, world: &World) {
         self.standing_m = self.standing_m.max(self.upright_m.min(self.height_m(world)));
+        self.may_lie = self.began_on_body;
     }
 
     /// Counts the height at which the robot began as standing again, for a robot that may lie down.
-    pub fn allow_beginning(&mut self) {
+    pub fn allow_lying(&mut self) {
         self.standing_m = self.begin_m;
+        self.may_lie = true;
     }
 
     /// Height of the centre of mass above the ground, m.
@@ -209,18 +237,37 @@ impl FallWatch {
         self.ground.at(&world.com().0).gap_m
     }
 
-    /// Returns the fall of a robot that has tilted by more than 1 rad, or whose centre of mass is below 0.4 of its starting
-    /// height. If the motion lays the robot on its body, only the tilt counts.
-    pub fn check(&self, world: &World) -> Option<Fall> {
+    /// Returns the fall of a robot that has tilted by more than 1 rad, whose centre of mass is below 0.4 of its starting height,
+    /// or whose body carries a quarter of the weight. If the motion lays the robot on its body, only the tilt counts.
+    ///
+    /// The weight on the body is averaged over time, so that each step should be checked.
+    pub fn check(&mut self, world: &World) -> Option<Fall> {
         let (_, rotation) = world.base();
         let cosine = (rotation.transpose() * self.up).dot(&self.start_up_in_body);
         let tilt_rad = cosine.clamp(-1.0, 1.0).acos();
         let height_m = self.height_m(world);
         let is_high = height_m >= FALLEN_HEIGHT * self.standing_m;
+        self.weigh(world);
+        let may_lie = world.lies || self.may_lie && tilt_rad < LEVEL_RAD;
+        let is_down = self.share_on_body > FALLEN_SHARE && !may_lie;
         // A robot with NaN in its pose is not on its feet.
-        let fallen = tilt_rad > FALLEN_RAD || !is_high || tilt_rad.is_nan();
+        let fallen = tilt_rad > FALLEN_RAD || !is_high || is_down || tilt_rad.is_nan();
         fallen.then_some(Fall { tilt_rad, height_m })
     }
+
+    /// Updates the mean part of the weight on the body since the latest check. The force of an impact counts as the weight.
+    fn weigh(&mut self, world: &World) {
+        let now_s = world.system().time_s();
+        let part = ((now_s - self.checked_s) / SHARE_S).clamp(0.0, 1.0);
+        let share = world.weight_share_on_body(&self.up).clamp(0.0, 1.0);
+        self.share_on_body += part * (share - self.share_on_body);
+        self.checked_s = now_s;
+    }
+}
+
+/// Returns true for a robot whose body is on the ground.
+fn is_on_body(world: &World, upright_m: f64) -> bool {
+    world.body_clearance_m().is_some_and(|of| of < ON_BODY_HEIGHT * upright_m)
 }
 
 /// Heading of the body's x axis about the z axis, rad.
@@ -261,9 +308,38 @@ mod tests {
         watch.rise_to(&at(1.8));
         assert!(watch.check(&at(0.3)).is_some());
         assert_eq!(watch.check(&at(0.5)), None);
-        watch.allow_beginning();
+        watch.allow_lying();
         assert_eq!(watch.check(&at(0.3)), None);
         watch.begin_at(&at(1.0));
         assert!(watch.check(&at(0.3)).is_some());
+    }
+
+    /// Drops a car on its body, because its wheels are above its bottom.
+    #[test]
+    fn a_body_that_carries_the_weight_for_long_has_fallen() {
+        let text = include_str!("../../../shipped/robots/car.toml");
+        let mut robot = Robot::from_toml("car.toml", text).unwrap();
+        for wheel in &mut robot.end_effectors {
+            wheel.center_in_link_m.z = 0.05;
+        }
+        let ground: Arc<dyn Ground> = Arc::new(Plane::rising(0.0));
+        let fell_at_s = |drop_m: f64, may_lie: bool| {
+            let state = RobotState::nominal(&robot, Vector3::new(0.0, 0.0, 0.03 + drop_m));
+            let mut world = World::new(&robot, &ground, &Parameters::new(&robot), &state);
+            let mut watch = FallWatch::new(&world, &ground);
+            if may_lie {
+                watch.allow_lying();
+            }
+            (0..240).find_map(|_| {
+                world.step(1.0 / 240.0).unwrap();
+                watch.check(&world).map(|_| world.system().time_s())
+            })
+        };
+        // The car falls for 0.045 s. Its whole weight makes a mean of a quarter 0.144 s later.
+        let at_s = fell_at_s(0.01, false);
+        assert!(at_s.is_some_and(|at_s| (0.18..0.3).contains(&at_s)), "{at_s:?}");
+        assert_eq!(fell_at_s(0.01, true), None);
+        // A robot that begins on its body may lie there.
+        assert_eq!(fell_at_s(0.0, false), None);
     }
 }

@@ -105,7 +105,7 @@ impl Replay {
         steps: usize,
     ) -> Option<SimulatedRun> {
         let mut world = self.start.world(model, changes, &self.ground);
-        let fall_watch = FallWatch::new(&world, &self.ground);
+        let mut fall_watch = FallWatch::new(&world, &self.ground);
         let begin_s = self.recording.span_s[0];
         let mut parameters: Vec<Box<dyn Parameter>> = Vec::new();
         let mut columns = Vec::new();

@@ -5,8 +5,9 @@ use rollwalk_multibody::ground::{Ground, Plane, Profile};
 use rollwalk_physics::push::Shove;
 use rollwalk_physics::world::heading_rad;
 use rollwalk_planner::plan::Plan;
+use rollwalk_robot::Robot;
 use rollwalk_simulate::{
-    Control, Feedback, Mismatch, MotionFailure, Noise, Options, RunOutcome, SensorFault,
+    Control, Feedback, Mismatch, MotionFailure, Noise, Options, RunOutcome, Script, SensorFault,
     SensorFaultKind, Verdict, play,
 };
 use std::sync::Arc;
@@ -83,6 +84,21 @@ fn terrain_and_pushes_act_on_the_robot() {
     assert!(pushed.holds() && pushed != run(&level, 0.0), "{pushed:?}");
     let toppled = run(&level, 120.0);
     assert!(toppled.fell_at_s.is_some_and(|at_s| at_s > 2.0), "{toppled:?}");
+    assert!(
+        matches!(toppled.miss(), Some(MotionFailure::Falls { after_end_s: None, .. })),
+        "{toppled:?}"
+    );
+    // The motion of 4 s begins after 1 s.
+    let shoves = vec![Shove::new(5.2, 0.1, [0.0, 120.0, 0.0])];
+    let options = Options { shoves, ..Options::new(Control::FeedForward, 120) };
+    let late = play(&plan, &options, |_| true).unwrap().miss().expect("a fall");
+    let MotionFailure::Falls { after_end_s: Some(after_s), .. } = late else { panic!("{late:?}") };
+    assert!((0.2..1.0).contains(&after_s), "{late:?}");
+    let message = late.to_string();
+    assert!(
+        message.ends_with("after the motion has ended, while it holds the last pose"),
+        "{message}"
+    );
     let kerb = |height_m: f64| run(&(Arc::new(Profile::step(0.5, height_m).unwrap()) as _), 0.0);
     // Four driven wheels of 50 mm climb a kerb of 10 mm, one axle after the other, but not a wall.
     let (low, down, wall) = (kerb(0.01), kerb(-0.01), kerb(0.1));
@@ -189,6 +205,29 @@ fn robots_stand_up_from_their_bodies() {
         let down = play(&limp, &Options::new(Control::FeedForward, 240), |_| true).unwrap();
         assert!(matches!(down.miss(), Some(MotionFailure::Height { .. })), "{down:?}");
     }
+}
+
+/// Drives a pup without its rear legs. It pitches by 56°, and slides to its goal on its trunk and its two wheels.
+#[test]
+fn a_robot_that_slides_on_its_trunk_has_fallen() {
+    let text = shipped("robots/pup_five_bar");
+    let (front, _) = text.split_once("[[limb]]\nname = \"rear_left\"").unwrap();
+    let front: Vec<_> = front.lines().filter(|line| !line.contains("servo, rear")).collect();
+    let front = front.join("\n").replace("[0.066, 0.038", "[-0.004, 0.038");
+    let front = front.replace("[0.066, -0.038", "[-0.004, -0.038").replace("[0.090,", "[0.020,");
+    let front = front.replace("origin_in_parent_m = [0.07,", "origin_in_parent_m = [0.0,");
+    let duo = Robot::from_toml("duo", &front).unwrap();
+    let drive = r#"
+        name = "drive"
+        robot = "duo.toml"
+        ends = "at_rest"
+        duration_s = 2.5
+        footfalls = { all = "stance" }
+        goal = { forward_m = 0.3, left_m = 0.0, turn_rad = 0.0 }
+    "#;
+    let plan = plan_of_text(&duo, "drive", drive);
+    let slid = play(&plan, &Options::new(Control::FeedForward, 480), |_| true).unwrap();
+    assert!(matches!(slid.miss(), Some(MotionFailure::Falls { .. })), "{slid:?}");
 }
 
 /// Plays rising from the body and lying down again. Without torque the robot ends at the planned height, but never rises.

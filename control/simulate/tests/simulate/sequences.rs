@@ -215,7 +215,7 @@ fn play(
     let ground: Arc<dyn Ground> = Arc::new(Plane::level());
     let start = script.start(&Rotation3::identity());
     let mut world = World::new(robot, &ground, &Parameters::new(robot), &start);
-    let fall_watch = FallWatch::new(&world, &ground);
+    let mut fall_watch = FallWatch::new(&world, &ground);
     let mut sensors = SimulatedSensors::new(sequence.tree().clone(), bus.noise, bus.seed);
     let mut on_their_way: VecDeque<Vec<Law>> = (0..bus.delay).map(|_| script.laws(0.0)).collect();
     let mut outcome = Outcome::default();
