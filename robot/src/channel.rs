@@ -123,6 +123,22 @@ impl Robot {
         self.joints.iter().enumerate().map(&mut value).collect()
     }
 
+    /// True if the speed of a channel's set-points has an effect. Some servos accept no speed for joints.
+    pub fn takes_speed(&self, channel: &Channel<'_>) -> bool {
+        let bus = self.buses.get(&channel.actuator().bus).copied().unwrap_or_default();
+        matches!(channel, Channel::Wheel(..)) || bus.takes_joint_speed()
+    }
+
+    /// Largest time by which a joint lags behind set-points without speed, kd/kp, s. `None` if all set-points have a speed.
+    pub fn joint_lag_s(&self) -> Option<f64> {
+        let lagging = self.channels().filter(|channel| !self.takes_speed(channel));
+        let lags = lagging.map(|channel| {
+            let motor = channel.actuator();
+            motor.kd_nm_s_rad / motor.kp_nm_rad
+        });
+        lags.reduce(f64::max)
+    }
+
     /// Channels of the robot: joints with a servo in file order, then actuated wheels in end-effector order.
     pub fn channels(&self) -> impl Iterator<Item = Channel<'_>> {
         let wheels = self.end_effectors.iter().filter_map(|end_effector| {

@@ -50,6 +50,14 @@ pub fn describe(robot: &Robot) -> String {
         let _ = writeln!(text, "\n{}", springs(robot).render());
     }
 
+    if let Some(lag_s) = robot.joint_lag_s() {
+        let _ = writeln!(
+            text,
+            "\njoints lag by up to kd_nm_s_rad / kp_nm_rad = {:.1} ms, because their servos accept no speed with a set-point",
+            1e3 * lag_s
+        );
+    }
+
     let mut contacts = Table::new([
         "end effector",
         "kind",

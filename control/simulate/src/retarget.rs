@@ -198,13 +198,16 @@ fn rollout(
     let step_s = step_s(script, options.rate_hz);
     let (beats, count) = run_steps(script, options.cycles, step_s);
     let mut planned = Vec::with_capacity(count);
+    let takes_speed: Vec<_> = robot.channels().map(|of| robot.takes_speed(&of)).collect();
     for beat in beats {
         let end_s = world.system().time_s() + step_s;
         for (channel, mut law) in script.laws(beat.time_s).into_iter().enumerate() {
             if let Some(knots) = curves.get(channel) {
                 let [correction_rad, rate_rad_s] = curve.at(knots, end_s);
                 law.position_rad += correction_rad;
-                law.speed_rad_s += rate_rad_s;
+                if takes_speed[channel] {
+                    law.speed_rad_s += rate_rad_s;
+                }
             }
             world.set_law(channel, law);
         }

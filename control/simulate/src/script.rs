@@ -106,7 +106,8 @@ impl<'a> Script<'a> {
         state
     }
 
-    /// Control law of each motor at `time_s` of the motion, in channel order. Gains and limits are those of the robot file.
+    /// Control law of each motor at `time_s` of the motion, in channel order. Gains and limits are those of the robot file. On
+    /// buses that carry no speed of joints, servos brake towards rest, and lag.
     pub fn laws(&self, time_s: f64) -> Vec<Law> {
         let setpoints = self.spline.setpoints(time_s);
         let sample = self.spline.sample(time_s);
@@ -123,12 +124,16 @@ impl<'a> Script<'a> {
         let wheels = setpoints.motor_speed_rad_s.iter().zip(motors);
         let wheels = wheels.map(|(&speed, torque)| (0.0, speed, torque));
         let rest = if self.repeats() { 1.0 } else { self.moves(time_s) };
+        let speed_part = |channel: &Channel<'_>| match self.robot().takes_speed(channel) {
+            true => rest,
+            false => 0.0,
+        };
         self.robot()
             .channels()
             .zip(joints.chain(wheels))
             .map(|(channel, (position_rad, speed, torque))| Law {
                 position_rad,
-                speed_rad_s: rest * speed,
+                speed_rad_s: speed_part(&channel) * speed,
                 torque_nm: share * torque,
                 ..servo(&channel)
             })

@@ -230,6 +230,25 @@ fn a_robot_that_slides_on_its_trunk_has_fallen() {
     assert!(matches!(slid.miss(), Some(MotionFailure::Falls { .. })), "{slid:?}");
 }
 
+/// Plays a motion on servos that accept no speed of joints. Each joint then lags by about kd/kp.
+#[test]
+fn joints_lag_behind_setpoints_without_speed() {
+    let plan = plan("agilebot", "duck");
+    let mut lagging = plan.clone();
+    let pup = robot("pup");
+    for motor in plan.robot.channels().map(|channel| channel.actuator().bus) {
+        lagging.robot.buses.insert(motor, pup.buses[&0]);
+    }
+    assert_eq!(plan.robot.joint_lag_s(), None);
+    assert!(lagging.robot.joint_lag_s().is_some_and(|lag_s| lag_s > 0.0));
+    let laws = |of: &Plan| Script::new(of, true).laws(0.4 * of.motion.duration_s);
+    let joints = plan.robot.driven_joints().count();
+    let (fast, slow) = (laws(&plan), laws(&lagging));
+    assert!(fast[..joints].iter().any(|law| law.speed_rad_s.abs() > 0.1), "{fast:?}");
+    assert!(slow[..joints].iter().all(|law| law.speed_rad_s == 0.0), "{slow:?}");
+    assert_eq!(fast[joints..], slow[joints..]);
+}
+
 /// Plays rising from the body and lying down again. Without torque the robot ends at the planned height, but never rises.
 #[test]
 fn a_robot_that_never_rises_from_its_body_fails() {
