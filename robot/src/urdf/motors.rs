@@ -240,7 +240,8 @@ impl Limit {
             Some(written) if written > max => {
                 let (most, of) = match default {
                     Some(most) if most <= max => (most, "from [actuator.default]"),
-                    _ => (max, "the largest value of a drive"),
+                    // Rounded down, because the digits of a robot file could round it up.
+                    _ => ((max * 1e3).floor() / 1e3, "the largest value of a drive"),
                 };
                 let remark = format!(
                     "has {attribute}=\"{written}\": `{field}` is {most:.3} {unit}, {of}; {help}"
@@ -320,6 +321,15 @@ mod tests {
             let (trace, det) =
                 (2.0 - 0.5 * a - b, (1.0 - 0.5 * a) * (1.0 - b) + a * (1.0 - 0.5 * b));
             assert!(det.abs() < 1.0 && trace.abs() < 1.0 + det, "{inertia_kg_m2}: {trace} {det}");
+        }
+    }
+
+    #[test]
+    fn a_limit_beyond_all_drives_stays_below_the_largest_when_written() {
+        for (max, expected) in [(160.0, 160.0), (4324.851_387_999_997, 4324.851)] {
+            let (taken, remark) = TORQUE.settle(Some(1e6), None, 1.0, max);
+            assert_eq!(taken, expected);
+            assert!(remark.unwrap().contains("the largest value of a drive"));
         }
     }
 
