@@ -253,6 +253,7 @@ catalogue! {
     Smoothness: "smoothness", "sec. 2.4.1", Mixed, Level::None, Cost, NO_ADVICE;
     EvenForce: "even force", "sec. 2.4.1", N, Level::None, Cost, NO_ADVICE;
     Posture: "posture", "sec. 2.4.1", Mixed, Level::None, Cost, NO_ADVICE;
+    EndLean: "lean at the end", "net displacement", Mixed, Level::None, Cost, NO_ADVICE;
     WheelEffort: "wheel effort", "sec. 2.4.1", MPerS, Level::None, Cost, NO_ADVICE;
     WheelSmoothness: "wheel smoothness", "sec. 2.4.1", MPerS, Level::None, Cost, NO_ADVICE;
     Steering: "steering", "velocity in the heading's frame", Mixed, Level::None, Cost, NO_ADVICE;
@@ -391,6 +392,9 @@ impl FamilySet {
 
     /// Families of joints without a motor. Plans of other robots do not list them.
     pub const PASSIVE: Self = Self::of(&[Family::PassiveJoint]);
+
+    /// Families of motions at rest. Plans of other motions do not list them.
+    pub const AT_REST: Self = Self::of(&[Family::EndLean]);
 
     /// Families of terrain with edges or obstacles. Plans on other ground do not list them.
     pub const TERRAIN: Self =

@@ -27,10 +27,10 @@ use rows::{Columns, DifferentiatedRows, Evaluation, Pattern, Row, RowWriter, Row
 use std::cell::{Cell, OnceCell};
 use terms::{
     Anchor, BladeContact, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular,
-    DynamicsLinear, EvenForce, Foothold, Friction, GroundClearance, HeightBound, JointLimit,
-    JointSpeed, JointTorque, LiftOffSlip, LinkClearance, NoSlip, ObstacleClearance, PassiveJoint,
-    Posture, Smoothness, Steering, SwingClearance, SwingForce, TargetHeading, TargetPosition,
-    TargetVelocity, TorqueSpeed, Traction, Turn, WheelAxis, WheelEffort, WheelHeld,
+    DynamicsLinear, EndLean, EvenForce, Foothold, Friction, GroundClearance, HeightBound,
+    JointLimit, JointSpeed, JointTorque, LiftOffSlip, LinkClearance, NoSlip, ObstacleClearance,
+    PassiveJoint, Posture, Smoothness, Steering, SwingClearance, SwingForce, TargetHeading,
+    TargetPosition, TargetVelocity, TorqueSpeed, Traction, Turn, WheelAxis, WheelEffort, WheelHeld,
     WheelSmoothness, WheelSpeed, WheelTorque,
 };
 
@@ -67,6 +67,7 @@ pub static TERMS: &[&dyn Term] = &[
     &Smoothness,
     &EvenForce,
     &Posture,
+    &EndLean,
     &WheelEffort,
     &WheelSmoothness,
     &Steering,

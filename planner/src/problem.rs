@@ -272,6 +272,20 @@ impl Problem {
         (problem, fixed)
     }
 
+    /// Returns true if the end effectors of a motion at rest can move by its goal: all of them step, or they roll or step
+    /// straight ahead. Wheels that stay on the ground may be unable to go sideways or to turn. Bodies that lie are left out.
+    pub fn contacts_carry_goal(&self) -> bool {
+        let ends = &self.model.robot().end_effectors;
+        let steps = |j: usize| self.stance.iter().any(|flags| !flags[j]);
+        let moves = |j: usize| steps(j) || (ends[j].contact.rolls() && !self.held[j]);
+        let is_straight = [self.goal.left_m, self.goal.turn_rad]
+            .into_iter()
+            .all(|component| component.unwrap_or(0.0) == 0.0);
+        self.at_rest
+            && !ends.iter().any(|end| end.contact.is_body_point())
+            && (0..ends.len()).all(|j| if is_straight { moves(j) } else { steps(j) })
+    }
+
     /// Ground force Mg/n on each of n feet if all are in stance, N.
     pub fn force_scale_n(&self) -> f64 {
         force_scale_n(&self.model)

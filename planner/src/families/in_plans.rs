@@ -16,6 +16,8 @@ pub struct Formulation {
     pub on_terrain: bool,
     /// True if the families of joints without a motor are listed.
     pub has_passive_joints: bool,
+    /// True if the families of motions at rest are listed.
+    pub is_at_rest: bool,
 }
 
 #[derive(Serialize)]
@@ -71,6 +73,7 @@ impl Serialize for Formulation {
         let listed = all.filter(|family| {
             (self.on_terrain || !FamilySet::TERRAIN.contains(*family))
                 && (self.has_passive_joints || !FamilySet::PASSIVE.contains(*family))
+                && (self.is_at_rest || !FamilySet::AT_REST.contains(*family))
         });
         Record::new(listed).serialize(serializer)
     }
@@ -89,6 +92,7 @@ impl<'de> Deserialize<'de> for Formulation {
         Ok(Self {
             on_terrain: lists(Family::Foothold),
             has_passive_joints: lists(Family::PassiveJoint),
+            is_at_rest: lists(Family::EndLean),
         })
     }
 }

@@ -56,6 +56,7 @@ pub(super) fn write_samples(
         formulation: Formulation {
             on_terrain: motion.terrain.is_some(),
             has_passive_joints: problem.model.robot().joints.iter().any(Joint::is_passive),
+            is_at_rest: problem.at_rest,
         },
     }
 }

@@ -20,6 +20,9 @@ pub struct Weights {
     /// Pull of joints and body towards the motion's posture. If too low, the body drifts and feet gather below it. If too high,
     /// feet scrub over the ground.
     pub posture: f64,
+    /// Pull of the body towards the same place over its end effectors at the end of a motion at rest as at its start (m and
+    /// rad). If too low, feet and wheels move by less than the goal.
+    pub end_lean: f64,
     /// Pull of wheel speeds (rim speed, m/s) towards zero, which determines them in swing.
     pub wheel_speed: f64,
     /// Pull of wheel speeds towards a constant (differences of rim speed, m/s), because wheels have inertia. If too low,
@@ -46,6 +49,7 @@ impl Default for Weights {
             force: 3e-4,
             free_wheel_force: 3e-2,
             posture: 4e-3,
+            end_lean: 100.0,
             wheel_speed: 1e-6,
             wheel_smoothness: 0.1,
             lift_off_slip: 1.0,

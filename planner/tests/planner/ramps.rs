@@ -37,6 +37,9 @@ fn a_ramp_is_walked_up_and_an_edge_in_its_place_is_cut() {
     // Feet come down to the ramp, not to a ground that is higher by the slope times the reach of a swing: 6 mm.
     let [depth_mm, _] = depth_mm(&report);
     assert!(depth_mm < 1.5, "{report}");
+    // Feet carry the goal; without the cost of a lean at the end they move by 0.25 m.
+    let carried = report.taken_back.expect("a goal at rest");
+    assert!(carried.field == "forward_m" && (carried.left / 0.3 - 1.0).abs() < 0.01, "{carried}");
 
     // The same swings, over a riser at the foot of the ramp.
     plan.motion.ground = on("[step]\nat_x_m = 0.25\nheight_m = 0.04").ground;
