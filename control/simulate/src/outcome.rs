@@ -2,8 +2,7 @@
 
 use crate::control::Controller;
 use crate::judgement::{BAND, ComponentDeviation, PlannedDisplacement};
-use crate::run::REST_S;
-use crate::script::Script;
+use crate::script::{REST_S, Script};
 use nalgebra::Rotation3;
 use rollwalk_multibody::ground::Ground;
 use rollwalk_physics::world::{

@@ -7,8 +7,8 @@
 //! The Gauss–Newton method optimises the knots. Height errors have the weight of horizontal errors; otherwise nothing would
 //! keep the robot from sagging. A small smoothness penalty determines the knots that do not affect the motion.
 
-use crate::run::{REST_S, begin, run_steps, step_s};
-use crate::script::Script;
+use crate::run::{begin, run_steps, step_s};
+use crate::script::{REST_S, Script};
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::curve::{Curve, Degree};

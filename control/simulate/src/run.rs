@@ -3,7 +3,7 @@
 use crate::control::{Control, Controller};
 use crate::mismatch::Mismatch;
 use crate::outcome::{RunOutcome, Tracker};
-use crate::script::Script;
+use crate::script::{REST_S, Script};
 use nalgebra::{Rotation3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::push::{Shove, mean_force};
@@ -38,9 +38,6 @@ impl Options {
         Self { control, cycles: 5, rate_hz, ground: None, shoves, mismatch }
     }
 }
-
-/// Duration of the rest before and after a finite motion, s.
-pub(crate) const REST_S: f64 = 1.0;
 
 /// State of a run at the end of a step.
 pub struct Moment<'a> {

@@ -9,6 +9,9 @@ use rollwalk_planner::plan::{Plan, Sample};
 use rollwalk_planner::sample::PlanSpline;
 use rollwalk_robot::{Channel, Robot};
 
+/// Duration of the rest before and after a finite motion, s.
+pub(crate) const REST_S: f64 = 1.0;
+
 /// Half of the interval of the finite differences for velocities at the start, s.
 const INSTANT_S: f64 = 1e-4;
 
