@@ -13,13 +13,15 @@ fn a_missing_file_names_its_neighbours_and_what_to_type() {
     desk.run(&["robot", "check", "robots/agile.toml"])
         .fails(1, &["no robot file", "robots/agile.toml", "robots contains agilebot.toml"]);
     desk.run(&["plan", "motions/wlak.toml", "-o", "plan.json"])
-        .fails(1, &["no motion file", "motions/wlak.toml", "motions contains walk.toml"]);
+        .fails(1, &["no motion file", "motions/wlak.toml", "did you mean `motions/walk.toml`"]);
     desk.run(&["report", "plan.json"]).fails(1, &["no plan", "plan.json", "rollwalk plan"]);
     desk.run(&["library", "inspect", "a.rwl"])
         .fails(1, &["no motion library", "a.rwl", "rollwalk library build"]);
     desk.edit("motions/walk.toml", "../robots/agilebot.toml", "../robots/agile.toml");
     let named = "motions/walk.toml names `../robots/agile.toml`";
-    desk.run(&["plan", "motions/walk.toml", "-o", "x"]).fails(1, &[named, "no robot file"]);
+    let places = "no robot file (TOML) at robots/agile.toml, and rollwalk ships none named \
+                  robots/agile.toml";
+    desk.run(&["plan", "motions/walk.toml", "-o", "x"]).fails(1, &[named, places]);
 }
 
 #[test]

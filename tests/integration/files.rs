@@ -50,6 +50,27 @@ fn no_input_is_ever_an_output() {
     }
 }
 
+/// Checks that files name shipped files as commands do, from any folder, and that a file beside them takes precedence.
+#[test]
+fn files_name_shipped_files_from_any_folder() {
+    let desk = desk();
+    let stand = fs::read_to_string(checkout().join("shipped/motions/test_leg_stand.toml")).unwrap();
+    let library = fs::read_to_string(checkout().join("shipped/motions/test_leg_library.toml"));
+    let library = library.unwrap().replace("../robots/", "robots/");
+    desk.write("a/b/stand.toml", &stand);
+    desk.write("d/stand.toml", stand.replace("../robots/", "robots/"));
+    desk.write("d/library.toml", library.replace("file = \"", "file = \"motions/"));
+    for motion in ["a/b/stand.toml", "d/stand.toml"] {
+        desk.run(&["plan", motion, "-o", "stand.json"]).succeeds();
+    }
+    desk.run(&["library", "build", "d/library.toml", "-o", "leg.rwl"]).succeeds();
+    desk.write("d/robots/test_leg.toml", "name = 1");
+    for args in [["plan", "d/stand.toml"], ["library build", "d/library.toml"]] {
+        let words: Vec<_> = args[0].split(' ').chain([args[1], "-o", "x"]).collect();
+        desk.run(&words).fails(1, &["d/robots/test_leg.toml"]);
+    }
+}
+
 /// Checks that an existing file always takes precedence over the shipped file of the same path.
 #[test]
 fn shipped_files_stand_in_for_missing_ones_alone() {

@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 /// Source of input files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// File system. If no file exists at a path, the shipped file of that path is read ([`files`]).
+    /// File system. If no file exists at a path, a shipped file is read ([`files`]).
     Disk,
     /// Files inside the program, by their path in the checkout.
     Shipped,
@@ -122,14 +122,8 @@ struct RelativeFiles<'l> {
 
 impl RelativeFiles<'_> {
     fn text(&self, named: &str, kind: Kind) -> miette::Result<TextFile> {
-        let text = self.source.text(&resolve_relative(self.path, named), PathSource::InFile, kind);
-        text.wrap_err_with(|| names(self.path, named))
+        self.source.named(self.path, named, kind)
     }
-}
-
-/// Prefix of an error message about a file that another file names.
-fn names(path: &Path, named: &str) -> String {
-    format!("{} names `{named}`", path.display())
 }
 
 impl LibraryFiles for RelativeFiles<'_> {
@@ -209,9 +203,7 @@ impl Source {
         let TextFile { path, text } = &motion;
         let explain = Kind::Motion.explain(Path::new(path), text);
         let robot = Motion::robot_path_in_toml(path, text).map_err(explain)?;
-        let at = resolve_relative(Path::new(path), &robot);
-        let read = self.text(&at, PathSource::InFile, Kind::Robot);
-        let robot = read.wrap_err_with(|| names(Path::new(path), &robot))?;
+        let robot = self.named(Path::new(path), &robot, Kind::Robot)?;
         let terrain = self.terrain_beside(&motion)?;
         Ok(MotionTexts { robot, terrain, motion })
     }
@@ -234,21 +226,19 @@ impl Source {
     /// # Errors
     /// Returns an error if a file is missing or has mistakes, or if a parameter does not fit the robot.
     pub fn design(self, path: &Path) -> miette::Result<Designed> {
-        Ok(self.design_and_texts(path, PathSource::ByUser)?.0)
+        Ok(self.design_and_texts(path, self.text(path, PathSource::ByUser, Kind::Design)?)?.0)
     }
 
-    /// Reads and validates a design file and the files that it names. Returns the texts of all of them, too.
+    /// Validates the text of the design file at `path`, and reads the files that it names. Returns the texts of all of them,
+    /// too.
     fn design_and_texts(
         self,
         path: &Path,
-        named: PathSource,
+        design: TextFile,
     ) -> miette::Result<(Designed, Vec<String>)> {
-        let design = self.text(path, named, Kind::Design)?;
         let explain = || Kind::Design.explain(path, &design.text);
         let file = DesignFile::from_toml(&design.path, &design.text).map_err(explain())?;
-        let robot =
-            self.text(&resolve_relative(path, &file.robot), PathSource::InFile, Kind::Robot);
-        let robot = NamedText::from(robot.wrap_err_with(|| names(path, &file.robot))?);
+        let robot = NamedText::from(self.named(path, &file.robot, Kind::Robot)?);
         let mut texts = vec![design.text.clone(), robot.text.clone()];
         let motions = file.motions.iter();
         let motions = motions.map(|of| self.motion_with_terrain(path, &of.file, &mut texts));
@@ -263,8 +253,7 @@ impl Source {
         named: &str,
         texts: &mut Vec<String>,
     ) -> miette::Result<MotionFile> {
-        let file = self.text(&resolve_relative(path, named), PathSource::InFile, Kind::Motion);
-        let file = file.wrap_err_with(|| names(path, named))?;
+        let file = self.named(path, named, Kind::Motion)?;
         texts.push(file.text.clone());
         let terrain = self.terrain_beside(&file)?;
         texts.extend(terrain.iter().map(|terrain| terrain.text.clone()));
@@ -277,12 +266,7 @@ impl Source {
         let TextFile { path, text } = motion;
         let explain = Kind::Motion.explain(Path::new(path), text);
         let named = Motion::terrain_path_in_toml(path, text).map_err(explain)?;
-        let read = |named: String| {
-            let at = resolve_relative(Path::new(path), &named);
-            let text = self.text(&at, PathSource::InFile, Kind::Terrain);
-            text.wrap_err_with(|| names(Path::new(path), &named))
-        };
-        named.map(read).transpose()
+        named.map(|named| self.named(Path::new(path), &named, Kind::Terrain)).transpose()
     }
 
     /// Reads and validates a sweep file, the files that it names, and a servo catalogue. Returns all texts, too, from which
@@ -300,9 +284,10 @@ impl Source {
             .map_err(Kind::Sweep.explain(path, &file.text))?;
         let mut texts = vec![file.text.clone()];
         let design = match &sweep.design {
-            Some(design) => {
+            Some(named) => {
+                let design = self.named(path, named, Kind::Design)?;
                 let (design, more) =
-                    self.design_and_texts(&resolve_relative(path, design), PathSource::InFile)?;
+                    self.design_and_texts(&resolve_relative(path, named), design)?;
                 texts.extend(more);
                 Some(design)
             }
@@ -311,8 +296,7 @@ impl Source {
         let (robots, motions) = sweep.files();
         let mut files = Files::default();
         for name in robots {
-            let text = self.text(&resolve_relative(path, name), PathSource::InFile, Kind::Robot);
-            let text = text.wrap_err_with(|| names(path, name))?;
+            let text = self.named(path, name, Kind::Robot)?;
             texts.push(text.text.clone());
             files.robots.insert(name.clone(), text.into());
         }
@@ -346,7 +330,13 @@ impl Source {
         terrain(&self.text(path, PathSource::ByUser, Kind::Terrain)?)
     }
 
-    fn text(self, path: &Path, named: PathSource, kind: Kind) -> miette::Result<TextFile> {
+    /// Reads a file that the file at `path` contains as `named`.
+    fn named(self, path: &Path, named: &str, kind: Kind) -> miette::Result<TextFile> {
+        let text = self.text(&resolve_relative(path, named), PathSource::InFile { named }, kind);
+        text.wrap_err_with(|| format!("{} names `{named}`", path.display()))
+    }
+
+    fn text(self, path: &Path, named: PathSource<'_>, kind: Kind) -> miette::Result<TextFile> {
         match self {
             Source::Disk => text(path, named, |_| kind),
             Source::Shipped => {
@@ -372,7 +362,7 @@ impl TextFile {
 
 fn text(
     path: &Path,
-    named: PathSource,
+    named: PathSource<'_>,
     kind_of: impl Fn(&[u8]) -> Kind,
 ) -> miette::Result<TextFile> {
     let text = files::text(files::read_by(path, named, kind_of)?, path)?;

@@ -1,10 +1,12 @@
 //! Kinds of input files: their names, size limits and detection. A file of the wrong kind is reported as such, not by a list of
 //! unknown keys.
 
+use crate::shipped;
 use miette::{Diagnostic, Report, miette};
 use rollwalk_multibody::ground::file as terrain;
 use rollwalk_planner::plan;
 use rollwalk_robot::urdf;
+use rollwalk_shipped::FILES;
 use std::fmt;
 use std::path::Path;
 use toml_edit::Document;
@@ -112,6 +114,43 @@ impl Kind {
         let mark = marks.into_iter().find(|(header, _)| has(header)).map(|(_, kind)| kind);
         let is_terrain = || terrain::kinds().any(|kind| has(&format!("[{kind}]")));
         mark.or_else(|| is_terrain().then_some(Self::Terrain))
+    }
+
+    /// True if [`of`](Self::of) recognises files of this kind.
+    pub fn is_recognised(self) -> bool {
+        match self {
+            Self::Robot
+            | Self::Motion
+            | Self::Library
+            | Self::Design
+            | Self::Plan
+            | Self::Problem
+            | Self::Urdf
+            | Self::Terrain => true,
+            Self::Servos
+            | Self::Sweep
+            | Self::Side
+            | Self::Gamepad
+            | Self::WorldLog
+            | Self::Run
+            | Self::Packed
+            | Self::Names
+            | Self::Gains
+            | Self::LinkKey
+            | Self::PrivateKey
+            | Self::PublicKey => false,
+        }
+    }
+
+    /// Paths of the shipped files of this kind.
+    pub fn shipped(self) -> impl Iterator<Item = &'static Path> {
+        let files = FILES.iter().filter(move |(_, text)| Self::of(text) == Some(self));
+        files.map(|(path, _)| Path::new(path))
+    }
+
+    /// True if rollwalk ships files of this kind that other files name.
+    pub fn is_shipped(self) -> bool {
+        matches!(self, Self::Robot | Self::Motion | Self::Design)
     }
 
     /// True if a text, given as a motion or a problem, is a problem.
@@ -257,8 +296,16 @@ impl Kind {
     /// Returns an error if the text is recognised as another kind.
     pub fn expect(self, path: &Path, text: &str) -> miette::Result<()> {
         Self::of(text).filter(|found| *found != self).map_or(Ok(()), |found| {
+            let library = match (self, found) {
+                (Self::Library, Self::Robot) => shipped::library_of(path),
+                _ => None,
+            };
+            let help = library.map_or_else(
+                || found.use_for().to_owned(),
+                |library| format!("give a library of this robot, such as {}", library.display()),
+            );
             let path = path.display();
-            let (found, wanted, help) = (found.name(), self.name(), found.use_for());
+            let (found, wanted) = (found.name(), self.name());
             Err(miette!(help = help, "{path} is {found}, not {wanted}"))
         })
     }
@@ -330,5 +377,20 @@ mod tests {
         assert_eq!(Kind::of(robot), Some(Kind::Robot));
         assert_eq!(Kind::of("[[link]]\n"), Some(Kind::Robot));
         assert_eq!(Kind::of(&format!("# Pup\n\nRobots walk.\n\n```toml\n{robot}```\n")), None);
+    }
+
+    #[test]
+    fn shipped_files_are_recognised() {
+        for (path, text) in rollwalk_shipped::FILES {
+            let kind = match path.split_once('/').unwrap() {
+                ("robots", _) => Some(Kind::Robot),
+                ("motions", name) if name.ends_with("_library.toml") => Some(Kind::Library),
+                ("motions", _) => Some(Kind::Motion),
+                ("designs", name) if !name.ends_with("_sweep.toml") => Some(Kind::Design),
+                _ => None,
+            };
+            assert_eq!(Kind::of(text), kind, "{path}");
+            assert!(kind.is_none_or(Kind::is_recognised), "{path}");
+        }
     }
 }

@@ -10,7 +10,7 @@
 //! | [`files`], [`kind`], [`inputs`], [`shipped`] | reading and writing files, kinds of files, validated inputs, files in the program |
 //! | [`link`], [`keys`], [`validated_library`] | bus options and sessions, link keys, names from a motion library |
 //! | [`planning`], [`choices`], [`problem`] | planning with progress, its options, problem files |
-//! | [`generated`], [`examples`] | manual pages and completions, examples in help texts |
+//! | [`generated`], [`examples`], [`spelling`] | manual pages and completions, examples in help texts, misspelled names |
 
 pub mod choices;
 pub mod examples;
@@ -27,6 +27,7 @@ pub mod planning;
 pub mod problem;
 pub mod progress;
 pub mod shipped;
+pub mod spelling;
 pub mod validated_library;
 
 pub use exit::Exit;
@@ -51,8 +52,9 @@ pub fn end(outcome: miette::Result<Exit>) -> ExitCode {
 
 /// Adds exit codes to the end of every long help, and allows negative numbers as values.
 ///
-/// `exits` returns the additional codes of a command by its full name, beside 0, 1, 2 and 130. A command with subcommands lists
-/// the codes of its subcommands, too. Negative numbers are allowed so that a value outside its range is refused with the range,
+/// `exits` returns the additional codes of a command by its full name, beside 0, 1, 2 and 130. [`Exit::Ok`] marks a command
+/// that runs until a signal ends it, which then exits with 0. A command with subcommands lists the codes of its subcommands,
+/// too. Negative numbers are allowed so that a value outside its range is refused with the range,
 /// not as an unknown option.
 pub fn with_common_help(
     command: clap::Command,
@@ -71,7 +73,7 @@ fn common_help(
     let command = command.mut_subcommands(|below| {
         let path = format!("{path} {}", below.get_name());
         let (below, exits) = common_help(below, &path, exits);
-        all.extend(exits);
+        all.extend(exits.into_iter().filter(|exit| *exit != Exit::Ok));
         below
     });
     let examples = command.get_after_long_help().map(|text| format!("{text}\n\n"));

@@ -124,8 +124,8 @@ pub fn open(paths: &[PathBuf]) -> miette::Result<(Vec<Sheet>, InitialFiles)> {
 
 /// Reads a file that another file names; returns `None` if it is neither a document nor a plan.
 fn mentioned(path: &Path, folders: &[PathBuf]) -> Option<Sheet> {
-    // The engine reports missing files, and the file that mentions them.
-    let read = files::read_by(path, PathSource::InFile, kind_by_beginning).ok()?;
+    // The engine finds shipped files by their names, and reports missing files with the file that mentions them.
+    let read = files::read_by(path, PathSource::InFile { named: "" }, kind_by_beginning).ok()?;
     let text = files::text(read, path).ok()?;
     // The studio serves only documents and plans. Plans of libraries are no documents.
     let is_ours = Kind::expect_document(path, &text).is_ok() || Kind::of(&text) == Some(Kind::Plan);

@@ -5,6 +5,7 @@
 
 mod identity;
 mod keys;
+mod missing;
 mod read;
 mod series;
 mod write;
@@ -25,12 +26,14 @@ use thiserror::Error;
 #[derive(Debug, Error, Diagnostic)]
 pub enum FileError {
     /// Missing file.
-    #[error("there is no {kind} at {}", path.display())]
+    #[error("there is no {kind} at {}{not_shipped}", path.display())]
     Missing {
         /// Expected kind.
         kind: Kind,
         /// Path that was tried.
         path: PathBuf,
+        /// Second place that was searched, as the end of the message; empty if there is none.
+        not_shipped: String,
         #[help]
         help: String,
     },

@@ -1,9 +1,8 @@
 //! Reading with size limits, and errors that suggest a remedy.
 
-use super::{FileError, folder, identity};
+use super::{FileError, identity, missing};
 use crate::kind::Kind;
 use crate::shipped;
-use rollwalk_host::key_file;
 use std::fs::{self, File, FileType};
 use std::io::{self, Read};
 use std::path::Path;
@@ -11,18 +10,19 @@ use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::thread;
 use std::time::Duration;
 
-/// Maximum number of files in the folder of a missing file that are examined for suggestions.
-const NEIGHBOURS_MAX: usize = 1000;
 /// Timeout of a pipe or device that sends nothing.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// Source of the path of a file that is to be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PathSource {
+pub enum PathSource<'n> {
     /// The user, who may also name a pipe, such as `<(program)` of a shell.
     ByUser,
     /// Another file, which may be untrusted: only regular files are read.
-    InFile,
+    InFile {
+        /// Path as the other file contains it.
+        named: &'n str,
+    },
 }
 
 /// Reads the bytes of a file that the user named.
@@ -45,24 +45,32 @@ pub fn text((bytes, kind): (Vec<u8>, Kind), path: &Path) -> Result<String, FileE
 
 /// Reads a file up to the size limit of its kind, and returns its bytes and its kind.
 ///
-/// `kind_of` determines the kind from the first bytes. If no file exists at the path of a shipped file, the shipped file is
-/// read.
+/// `kind_of` determines the kind from the first bytes. If no file exists at the path, the shipped file of that path is read,
+/// or the one of the path that another file contains.
 ///
 /// # Errors
 /// Returns an error if the file does not exist or is too large, or if the operating system refuses.
 pub fn read_by(
     path: &Path,
-    named: PathSource,
+    named: PathSource<'_>,
     kind_of: impl Fn(&[u8]) -> Kind,
 ) -> Result<(Vec<u8>, Kind), FileError> {
+    let as_named = match named {
+        PathSource::ByUser => None,
+        PathSource::InFile { named } => Some(named),
+    };
     let refused = |reason: io::Error| {
         let (path, kind) = (path.to_owned(), kind_of(&[]));
         match reason.kind() {
-            io::ErrorKind::NotFound => FileError::Missing { kind, help: help(&path, kind), path },
+            io::ErrorKind::NotFound => missing::report(path, as_named, kind),
             _ => FileError::Io { action: "read", path, reason },
         }
     };
-    if let Some(text) = shipped::instead_of(path) {
+    let text = match as_named {
+        None => shipped::instead_of(path),
+        Some(named) => shipped::instead_of_named(path, named),
+    };
+    if let Some(text) = text {
         let kind = kind_of(text.as_bytes());
         identity::record_shipped(path, kind);
         return Ok((text.into(), kind));
@@ -84,7 +92,7 @@ pub fn read_by(
         identity::record_input(file, path, kind);
         return Ok((bytes, kind));
     }
-    if found.is_dir() || named == PathSource::InFile {
+    if found.is_dir() || named != PathSource::ByUser {
         let (kind, found) = (kind_of(&[]), word_for(found.file_type()));
         return Err(FileError::NotAFile { kind, path: path.to_owned(), found });
     }
@@ -179,98 +187,11 @@ fn word_for(found: FileType) -> &'static str {
     if found.is_dir() { "a folder" } else { "a device" }
 }
 
-/// True if the user may have meant `found` by `path`. Keys of all kinds share their extensions, so their content is compared
-/// instead.
-fn may_be(found: &Path, path: &Path, kind: Kind) -> bool {
-    let mark = match kind {
-        Kind::LinkKey => key_file::LINK,
-        Kind::PrivateKey => "BEGIN PRIVATE KEY",
-        Kind::PublicKey => "BEGIN PUBLIC KEY",
-        _ => return found.extension() == path.extension(),
-    };
-    let mut start = Vec::new();
-    let file =
-        File::open(found).and_then(|file| file.take(kind.max_bytes()).read_to_end(&mut start));
-    file.is_ok() && String::from_utf8_lossy(&start).contains(mark)
-}
-
-/// Advice on a missing file: names of files of the same kind in its folder, then the hint of the kind.
-fn help(path: &Path, kind: Kind) -> String {
-    let (folder, hint) = (folder(path), kind.hint());
-    let mut beside: Vec<String> = fs::read_dir(folder)
-        .into_iter()
-        .flatten()
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .take(NEIGHBOURS_MAX)
-        .filter(|found| found.is_file() && may_be(found, path, kind))
-        .filter_map(|found| Some(found.file_name()?.to_str()?.to_owned()))
-        .chain(shipped::names_in(folder, path.extension()).map(str::to_owned))
-        .collect();
-    // The nearest name is first, because a typing error is most likely.
-    let given = path.file_name().unwrap_or_default().to_string_lossy();
-    let similarity = |name: &String| strsim::normalized_damerau_levenshtein(&given, name);
-    beside.sort();
-    beside.dedup();
-    beside.sort_by(|a, b| similarity(b).total_cmp(&similarity(a)));
-    beside.truncate(8);
-    if beside.is_empty() && !folder.exists() {
-        format!("the folder {} does not exist either; {hint}", folder.display())
-    } else if beside.is_empty() {
-        hint.to_owned()
-    } else {
-        format!("{} contains {}; {hint}", folder.display(), beside.join(", "))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_missing_file_names_its_neighbours_and_what_to_type() {
-        let folder = tempfile::tempdir().unwrap();
-        fs::write(folder.path().join("walk.toml"), "").unwrap();
-        fs::write(folder.path().join("walk.json"), "").unwrap();
-        let path = folder.path().join("wlak.toml");
-        let report = read(&path, Kind::Motion).unwrap_err();
-        assert!(report.to_string().contains("wlak.toml"), "{report}");
-        let help = report.help().unwrap().to_string();
-        assert!(help.contains("walk.toml") && !help.contains("walk.json"), "{help}");
-        assert!(help.contains("docs/motion-files.md"), "{help}");
-    }
-
-    /// The folder of these tests contains none of the shipped files, so the text must come from the program.
-    #[test]
-    fn the_path_of_a_shipped_file_names_it_where_nothing_else_lies() {
-        let text = read_text(Path::new("robots/agilebot.toml"), Kind::Robot).unwrap();
-        assert_eq!(Some(&*text), rollwalk_shipped::text("robots/agilebot.toml"));
-        let report = read(Path::new("robots/agilbot.toml"), Kind::Robot).unwrap_err();
-        let help = report.help().unwrap().to_string();
-        assert!(help.starts_with("robots contains agilebot.toml, "), "{help}");
-    }
-
-    /// Keys of all kinds end with `.pem`, but a missing private key must not suggest public keys.
-    #[test]
-    fn a_missing_key_names_keys_of_its_kind() {
-        let folder = tempfile::tempdir().unwrap();
-        for (name, text) in [
-            ("owner.pem", "-----BEGIN PRIVATE KEY-----"),
-            ("owner.pub.pem", "-----BEGIN PUBLIC KEY-----"),
-            ("robot.key", key_file::LINK),
-            ("notes.txt", "keys"),
-        ] {
-            fs::write(folder.path().join(name), text).unwrap();
-        }
-        for (kind, missing, expected) in [
-            (Kind::PrivateKey, "onwer.pem", " contains owner.pem; "),
-            (Kind::PublicKey, "owner.pub", " contains owner.pub.pem; "),
-            (Kind::LinkKey, "robot", " contains robot.key; "),
-        ] {
-            let report = read(&folder.path().join(missing), kind).unwrap_err();
-            let help = report.help().unwrap().to_string();
-            assert!(help.contains(expected), "{help}");
-        }
-    }
+    const IN_FILE: PathSource<'_> = PathSource::InFile { named: "x" };
 
     #[test]
     fn a_file_has_no_more_bytes_than_its_kind() {
@@ -295,8 +216,7 @@ mod tests {
     fn what_has_no_end_is_read_up_to_the_bound() {
         let error = read(Path::new("/dev/zero"), Kind::Robot).unwrap_err().to_string();
         assert!(error.contains("/dev/zero has more than 1048576 bytes"), "{error}");
-        let error =
-            read_by(Path::new("/dev/zero"), PathSource::InFile, |_| Kind::Robot).unwrap_err();
+        let error = read_by(Path::new("/dev/zero"), IN_FILE, |_| Kind::Robot).unwrap_err();
         assert!(error.to_string().contains("/dev/zero: it is a device"), "{error}");
         let error = read(Path::new("/dev"), Kind::Robot).unwrap_err().to_string();
         assert!(error.contains("/dev: it is a folder"), "{error}");
@@ -318,7 +238,7 @@ mod tests {
         writer.join().unwrap().unwrap();
         let error = stream(&pipe, &kind_of, Duration::from_millis(50)).unwrap_err();
         assert!(error.to_string().contains("no data arrived"), "{error}");
-        let error = read_by(&pipe, PathSource::InFile, kind_of).unwrap_err().to_string();
+        let error = read_by(&pipe, IN_FILE, kind_of).unwrap_err().to_string();
         assert!(error.contains("it is a pipe, not a file"), "{error}");
     }
 }

@@ -1,0 +1,233 @@
+//! Advice on a missing file: the name that was probably meant, and the files of the same kind in its folder.
+
+use super::{FileError, folder};
+use crate::kind::Kind;
+use crate::{shipped, spelling};
+use rollwalk_host::key_file;
+use std::ffi::OsStr;
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Maximum number of files in the folder of a missing file that are examined.
+const NEIGHBOURS_MAX: usize = 1000;
+/// Maximum number of files in a message.
+const LISTED_MAX: usize = 8;
+/// Number of bytes at the start of a file that determine its kind.
+const START: u64 = 1 << 16;
+/// Error for a missing file, with what to type instead. `named` is the path that another file contains.
+pub(super) fn report(path: PathBuf, named: Option<&str>, kind: Kind) -> FileError {
+    let typed = named.map_or(path.as_path(), Path::new);
+    let not_shipped = match named {
+        Some(named) if kind.is_shipped() && typed.is_relative() => {
+            let name = shipped::without_way_up(named);
+            format!(", and rollwalk ships none named {}", name.display())
+        }
+        _ => String::new(),
+    };
+    FileError::Missing { kind, help: help(&path, typed, kind), path, not_shipped }
+}
+
+/// File that the user may have meant.
+struct Candidate {
+    name: String,
+    /// Path of a file on the disk, or text of a shipped file.
+    content: Result<PathBuf, &'static str>,
+}
+
+impl Candidate {
+    fn is_of(&self, kind: Kind) -> bool {
+        match &self.content {
+            Ok(path) => is_of(&start_of(path), kind),
+            Err(text) => is_of(text, kind),
+        }
+    }
+}
+
+/// Help for the missing file at `path`, which was typed as `typed`.
+fn help(path: &Path, typed: &Path, kind: Kind) -> String {
+    let (beside, hint) = (folder(path), kind.hint());
+    let fits = |name: &str| fits(path, Path::new(name), kind);
+    let on_disk = fs::read_dir(beside).into_iter().flatten().filter_map(|entry| {
+        let found = entry.ok()?.path();
+        let name = found.file_name()?.to_str()?.to_owned();
+        found.is_file().then_some(Candidate { name, content: Ok(found) })
+    });
+    let ships = shipped::without_way_up(&typed.to_string_lossy());
+    let ships = [beside, folder(&ships)].map(shipped::files_in).into_iter().flatten();
+    let ships = ships.map(|(name, text)| Candidate { name: name.to_owned(), content: Err(text) });
+    let candidates = on_disk.take(NEIGHBOURS_MAX).chain(ships);
+    let mut candidates: Vec<_> = candidates.filter(|of| fits(&of.name)).collect();
+    // The nearest name is first, because a typing error is most likely.
+    let given = path.file_name().unwrap_or_default().to_string_lossy();
+    let similarity = |of: &Candidate| strsim::normalized_damerau_levenshtein(&given, &of.name);
+    candidates.sort_by(|a, b| a.name.cmp(&b.name));
+    candidates.dedup_by(|a, b| a.name == b.name);
+    candidates.sort_by(|a, b| similarity(b).total_cmp(&similarity(a)));
+    let here = candidates.iter().filter(|of| of.is_of(kind)).map(|of| of.name.as_str());
+    let mut here: Vec<_> = here.take(LISTED_MAX).collect();
+    let near = here.iter().position(|name| slips(path, Path::new(name)).is_some());
+    let meant = match near.map(|index| here.remove(index)) {
+        Some(name) => Some(typed.with_file_name(name)),
+        None => {
+            let near = kind.shipped().filter_map(|of| Some((slips(path, of)?, of)));
+            let near = near.min_by_key(|(slips, _)| *slips).map(|(_, ships)| ships);
+            let of_robot = || shipped::library_of(path).filter(|_| kind == Kind::Library);
+            near.or_else(of_robot).map(Path::to_owned)
+        }
+    };
+    let mut text = String::new();
+    if let Some(meant) = &meant {
+        text += &format!("did you mean `{}`? ", meant.display());
+    }
+    if !here.is_empty() {
+        let place = match beside == Path::new(".") {
+            true => "this folder".to_owned(),
+            false => beside.display().to_string(),
+        };
+        let also = if near.is_some() { "also " } else { "" };
+        text += &format!("{place} {also}contains {}; ", here.join(", "));
+    } else if meant.is_none() && !beside.exists() {
+        text += &format!("the folder {} does not exist either; ", beside.display());
+    }
+    text + hint
+}
+
+/// True if the extension of `found` is that of a missing file. Keys of all kinds share their extensions, and a path without
+/// an extension may be any file of a kind that its content shows.
+fn fits(missing: &Path, found: &Path, kind: Kind) -> bool {
+    let is_key = matches!(kind, Kind::LinkKey | Kind::PrivateKey | Kind::PublicKey);
+    let has_any = missing.extension().is_none() && kind.is_recognised();
+    is_key || has_any || found.extension() == missing.extension()
+}
+
+/// True if a text may be a file of a kind, by its beginning.
+fn is_of(start: &str, kind: Kind) -> bool {
+    let mark = match kind {
+        Kind::LinkKey => key_file::LINK,
+        Kind::PrivateKey => "BEGIN PRIVATE KEY",
+        Kind::PublicKey => "BEGIN PUBLIC KEY",
+        _ => {
+            return match Kind::of(start) {
+                // Commands that read motions also read problems.
+                Some(Kind::Problem) => matches!(kind, Kind::Problem | Kind::Motion),
+                Some(found) => found == kind,
+                None => !kind.is_recognised(),
+            };
+        }
+    };
+    start.contains(mark)
+}
+
+fn start_of(path: &Path) -> String {
+    let mut start = Vec::new();
+    // An unreadable file has no beginning, and is of no kind that can be recognised.
+    let _ = File::open(path).and_then(|file| file.take(START).read_to_end(&mut start));
+    String::from_utf8_lossy(&start).into_owned()
+}
+
+/// Number of wrong letters in the name of a missing file, compared with `found` without extension. `None` if there are too
+/// many for a typing error.
+fn slips(missing: &Path, found: &Path) -> Option<usize> {
+    let part = |of: Option<&OsStr>| of.unwrap_or_default().to_string_lossy().into_owned();
+    let known = part(found.file_stem());
+    let given = [missing.file_name(), missing.file_stem()].map(part);
+    given.iter().filter_map(|given| spelling::slips(given, &known)).min()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::files::{PathSource, read, read_by, read_text};
+
+    fn help_of(path: &Path, kind: Kind) -> String {
+        read(path, kind).unwrap_err().help().unwrap().to_string()
+    }
+
+    #[test]
+    fn a_missing_file_names_its_neighbours_and_what_to_type() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+        let robot = rollwalk_shipped::text("robots/pup.toml").unwrap();
+        write("walk.toml", "name = \"walk\"\n[footfalls]\n");
+        write("trot.toml", "name = \"trot\"\n[footfalls]\n");
+        write("walk.json", "{}");
+        write("kit.toml", robot);
+        write("notes.toml", "title = \"notes\"");
+        let path = folder.path().join("wlak.toml");
+        let report = read(&path, Kind::Motion).unwrap_err();
+        assert!(report.to_string().contains("wlak.toml"), "{report}");
+        let (here, help) = (folder.path().display(), help_of(&path, Kind::Motion));
+        let expected =
+            format!("did you mean `{here}/walk.toml`? {here} also contains trot.toml; write a");
+        assert!(help.starts_with(&expected), "{help}");
+        assert!(help.contains("docs/motion-files.md"), "{help}");
+        let help = help_of(&folder.path().join("kti.toml"), Kind::Robot);
+        assert!(help.starts_with(&format!("did you mean `{here}/kit.toml`? give ")), "{help}");
+        let help = help_of(&folder.path().join("kit"), Kind::Robot);
+        assert!(help.starts_with(&format!("did you mean `{here}/kit.toml`? ")), "{help}");
+        let help = help_of(&folder.path().join("legs.toml"), Kind::Robot);
+        assert!(help.starts_with(&format!("{here} contains kit.toml; ")), "{help}");
+    }
+
+    /// The folder of these tests contains none of the shipped files, so the text must come from the program.
+    #[test]
+    fn the_path_of_a_shipped_file_names_it_where_nothing_else_lies() {
+        let text = read_text(Path::new("robots/agilebot.toml"), Kind::Robot).unwrap();
+        assert_eq!(Some(&*text), rollwalk_shipped::text("robots/agilebot.toml"));
+        let help = help_of(Path::new("robots/agilbot.toml"), Kind::Robot);
+        let expected = "did you mean `robots/agilebot.toml`? robots also contains brainbot.toml, ";
+        assert!(help.starts_with(expected), "{help}");
+        for (name, meant) in [("walk", "walk"), ("trto.toml", "trot"), ("walk.tml", "walk")] {
+            let help = help_of(Path::new(name), Kind::Motion);
+            let expected = format!("did you mean `motions/{meant}.toml`? write ");
+            assert!(help.starts_with(&expected), "{help}");
+        }
+        // The name of a robot instead of that of its library.
+        let help = help_of(Path::new("pup"), Kind::Library);
+        assert!(help.starts_with("did you mean `motions/pup_library.toml`? "), "{help}");
+    }
+
+    #[test]
+    fn a_file_that_another_one_names_is_searched_in_two_places() {
+        let error = |named: &str, kind| {
+            let path = Path::new("d").join(named);
+            read_by(&path, PathSource::InFile { named }, |_| kind).unwrap_err()
+        };
+        let missing = error("../robots/agilbot.toml", Kind::Robot);
+        assert_eq!(
+            missing.to_string(),
+            "there is no robot file (TOML) at d/../robots/agilbot.toml, and rollwalk ships none \
+             named robots/agilbot.toml"
+        );
+        let help = miette::Diagnostic::help(&missing).unwrap().to_string();
+        assert!(help.starts_with("did you mean `../robots/agilebot.toml`? "), "{help}");
+        let missing = error("steps.toml", Kind::Terrain);
+        assert_eq!(missing.to_string(), "there is no terrain file (TOML) at d/steps.toml");
+    }
+
+    /// Keys of all kinds end with `.pem`, but a missing private key must not suggest public keys.
+    #[test]
+    fn a_missing_key_names_keys_of_its_kind() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, text) in [
+            ("owner.pem", "-----BEGIN PRIVATE KEY-----"),
+            ("owner.pub.pem", "-----BEGIN PUBLIC KEY-----"),
+            ("robot.key", key_file::LINK),
+            ("notes.txt", "keys"),
+        ] {
+            fs::write(folder.path().join(name), text).unwrap();
+        }
+        for (kind, missing, expected) in [
+            (Kind::PrivateKey, "onwer.pem", "did you mean `{}/owner.pem`? "),
+            (Kind::PublicKey, "owner.pub", "did you mean `{}/owner.pub.pem`? "),
+            (Kind::PublicKey, "mine.pem", "{} contains owner.pub.pem; "),
+            (Kind::LinkKey, "robot", "did you mean `{}/robot.key`? "),
+        ] {
+            let help = help_of(&folder.path().join(missing), kind);
+            let expected = expected.replace("{}", &folder.path().to_string_lossy());
+            assert!(help.starts_with(&expected), "{help}");
+            assert!(help.matches("owner").count() < 3, "{help}");
+        }
+    }
+}
