@@ -7,6 +7,7 @@
 //!
 //! Random numbers depend only on a seed: the same seed gives the same plan.
 
+mod closed_way;
 mod detour;
 pub(crate) mod guess;
 mod halved;
@@ -14,6 +15,7 @@ mod joined;
 mod neighbour;
 mod warm;
 
+pub use closed_way::closed_way;
 pub(crate) use halved::halved;
 pub(crate) use joined::joined;
 pub(crate) use neighbour::neighbour;

@@ -11,6 +11,7 @@ use rollwalk_planner::plan::{
     Diagnosis, Plan, Refinement, SolveStart, SolveSummary, StartKind, Status,
 };
 use rollwalk_planner::report::{Judgement, Report};
+use rollwalk_planner::start::closed_way;
 use rollwalk_planner::{Method, Options, replan, replan_finer};
 use rollwalk_robot::Robot;
 use rollwalk_simulate::Verdict;
@@ -126,7 +127,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let ParsedProblem { robot, motion, from } = problem.parse(origin)?;
     let place = Output::at(&args.output)?;
     print_robot_warnings(&robot, &problem.robot);
-    output::print_warnings(&motion.warnings(&robot));
+    let warnings = motion.warnings(&robot).into_iter().chain(closed_way(&robot, &motion));
+    output::print_warnings(&warnings.collect::<Vec<_>>());
     if let Some(path) = &args.dump {
         let dump = Output::at(path)?;
         place.apart_from(&dump)?;

@@ -42,29 +42,67 @@ impl Offsets {
         let slope = 6.0 * u * (1.0 - u) * rise_m / (to_m - from_m);
         (low_m + rise_m * u * u * (3.0 - 2.0 * u), slope)
     }
+
+    /// Length of the line through the corners, m.
+    fn length_m(&self) -> f64 {
+        self.0.windows(2).map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1])).sum()
+    }
+}
+
+/// Obstacles as seen from a straight path.
+struct PathView {
+    body: Extent,
+    obstacles: Vec<Extent>,
+    length_m: f64,
+}
+
+impl PathView {
+    /// Returns the view of a motion; `None` without obstacles or without a path.
+    fn new(robot: &Robot, motion: &Motion) -> Option<Self> {
+        let obstacles = motion.ground.obstacles();
+        let goal =
+            Vector2::new(motion.goal.forward_m.unwrap_or(0.0), motion.goal.left_m.unwrap_or(0.0));
+        if obstacles.is_empty() || goal.norm() == 0.0 {
+            return None;
+        }
+        let path_from_world = Rotation2::new(-goal.y.atan2(goal.x));
+        let model = Model::new(robot);
+        let q = model.standing_q(&motion.posture_rad);
+        let body = Extent::of_robot(&model, &q, &path_from_world);
+        let seen = obstacles.iter();
+        let seen = seen.map(|of| Extent::of_obstacle(of, &motion.ground, &path_from_world));
+        let obstacles = seen.map(|of| of.seen_by(&body)).collect();
+        Some(Self { body, obstacles, length_m: goal.norm() })
+    }
+
+    /// Paths round the obstacles, the shortest first.
+    fn round(&self) -> Vec<Offsets> {
+        Corridor::new(&self.body, self.length_m, &self.obstacles).round()
+    }
 }
 
 /// Detours of a motion, the shortest first. Empty if the straight path is free.
 pub(crate) fn detours(robot: &Robot, motion: &Motion) -> Vec<Detour> {
-    let obstacles = motion.ground.obstacles();
-    let goal =
-        Vector2::new(motion.goal.forward_m.unwrap_or(0.0), motion.goal.left_m.unwrap_or(0.0));
-    if obstacles.is_empty() || goal.norm() == 0.0 {
-        return Vec::new();
-    }
-    let path_from_world = Rotation2::new(-goal.y.atan2(goal.x));
-    let model = Model::new(robot);
-    let q = model.standing_q(&motion.posture_rad);
-    let body = Extent::of_robot(&model, &q, &path_from_world);
-    let seen = obstacles.iter();
-    let seen = seen.map(|of| Extent::of_obstacle(of, &motion.ground, &path_from_world));
-    let seen: Vec<Extent> = seen.map(|of| of.seen_by(&body)).collect();
-    let duck = ducks(&body, goal.norm(), &seen);
-    let mut aside = Corridor::new(&body, goal.norm(), &seen).round();
+    let Some(view) = PathView::new(robot, motion) else { return Vec::new() };
+    let duck = ducks(&view.body, view.length_m, &view.obstacles);
+    let mut aside = view.round();
     if aside.is_empty() && duck != Offsets::default() {
         aside.push(Offsets::default());
     }
     aside.into_iter().map(|aside| Detour { aside, duck: duck.clone() }).collect()
+}
+
+/// Widest obstacle in the straight path of a motion, and the lengths of the shortest path round the obstacles and of the
+/// straight path, m. `None` if the straight path is free.
+pub(super) fn shortest_way_round(robot: &Robot, motion: &Motion) -> Option<(usize, [f64; 2])> {
+    let view = PathView::new(robot, motion)?;
+    let round_m = view.round().first()?.length_m();
+    let blocking = view.obstacles.iter().enumerate();
+    let blocking =
+        blocking.filter(|(_, of)| of.is_beside(&view.body) && of.is_in_path(view.length_m));
+    let width_m = |of: &Extent| of.across_m[1] - of.across_m[0];
+    let widest = blocking.max_by(|(_, one), (_, other)| width_m(one).total_cmp(&width_m(other)))?;
+    Some((widest.0, [round_m, view.length_m]))
 }
 
 /// Part of the path on which an offset is needed.

@@ -3,6 +3,7 @@
 use crate::cmd::robot::print_robot_warnings;
 use crate::planned;
 use crate::signing;
+use rollwalk_planner::start::closed_way;
 use rollwalk_terminal::files::Output;
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::names;
@@ -69,7 +70,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let place = Output::at(&args.output)?;
     print_robot_warnings(&library.robot, &library.robot_text);
     for motion in &library.motions {
-        output::print_warnings(&motion.warnings(&library.robot));
+        let closed = closed_way(&library.robot, motion);
+        let warnings = motion.warnings(&library.robot).into_iter().chain(closed);
+        output::print_warnings(&warnings.collect::<Vec<_>>());
     }
     let Some(plans) = plan_all(&library, args.verbose)? else { return Ok(Exit::Interrupted) };
     let converged = plans.failures().is_empty();
