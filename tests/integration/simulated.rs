@@ -98,8 +98,15 @@ impl Robot {
 
     /// Ends the robot as Ctrl-C does.
     pub fn stop(&mut self) {
-        self.signal("INT");
-        self.0.take().expect("it was not stopped").ends();
+        self.end_by("INT");
+    }
+
+    /// Ends the robot by a signal.
+    #[track_caller]
+    pub fn end_by(&mut self, signal: &str) {
+        self.signal(signal);
+        let outcome = self.0.take().expect("it was not stopped").ends();
+        assert_eq!(outcome.code, 0, "{signal}: {}", outcome.stderr);
     }
 }
 

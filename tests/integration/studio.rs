@@ -24,7 +24,7 @@ const LONG_US: u64 = LONG.as_micros() as u64;
 
 /// Running studio; ended on drop.
 struct Studio {
-    _program: Program,
+    program: Program,
     address: String,
 }
 
@@ -36,7 +36,7 @@ impl Studio {
         let said = program.wait_for_words("the studio is at http://");
         let line = said.lines().next().expect("a line");
         let address = line.strip_prefix("the studio is at http://").expect("its address");
-        Self { address: address.to_owned(), _program: program }
+        Self { address: address.to_owned(), program }
     }
 
     fn page(&self) -> Page {
@@ -186,4 +186,18 @@ fn a_bus_that_cannot_be_opened_is_an_error_at_the_start() {
     run("sim:nobody.sock")
         .fails(1, &["no simulated robot at nobody.sock", "start a simulated robot: rollwalk-sim"]);
     run("can0").fails(2, &["`can0` is not a bus", "such as can:can0"]);
+}
+
+/// Checks that a signal ends programs that run until Ctrl-C with 0, as their help texts state.
+#[test]
+fn a_signal_ends_studio_and_robot_with_0() {
+    let desk = desk_with_library_file();
+    let bus = format!("sim:{}", desk.path("robot.sock").display());
+    for name in ["INT", "TERM"] {
+        let mut robot = Robot::start(&desk, &bus);
+        let Studio { program, .. } = Studio::start(&desk, &bus);
+        program.signal(name);
+        assert_eq!(program.ends().code, 0, "{name}");
+        robot.end_by(name);
+    }
 }

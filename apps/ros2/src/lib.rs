@@ -84,7 +84,7 @@ struct Cli {
 
 /// Command line; its long help ends with the exit codes.
 pub fn command_line() -> clap::Command {
-    with_common_help(Cli::command(), &|_| &[Exit::NotDone])
+    with_common_help(Cli::command(), &|_| &[Exit::Ok, Exit::NotDone])
 }
 
 /// Parses the command line and runs the node.

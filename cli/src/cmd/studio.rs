@@ -4,9 +4,14 @@ use crate::studio::Server;
 use crate::studio::desk::{self, Desk};
 use crate::studio::relay::Relay;
 use rollwalk_bus::name::BusName;
-use rollwalk_terminal::{Exit, output};
+use rollwalk_terminal::{Exit, interrupt, output};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
+use std::thread;
+use std::time::Duration;
+
+/// Period of checks for Ctrl-C.
+const POLL: Duration = Duration::from_millis(50);
 
 /// Open the studio in a browser: watch a robot move, edit its motions and dimensions.
 ///
@@ -45,11 +50,15 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let desk = Desk::open(&args.files, desk::folder())?;
     let server = Server::bind(args.port, desk, relay)?;
     let address = server.address();
+    interrupt::install_handler();
     output::print(&format!("the studio is at {address}"))?;
     if !args.no_open && !browse(&address) {
         output::print_line("no browser could be started: open this address in a browser");
     }
-    server.run();
+    server.start();
+    while !interrupt::requested() {
+        thread::sleep(POLL);
+    }
     Ok(Exit::Ok)
 }
 

@@ -65,8 +65,12 @@ impl Server {
         self.shared.gate.address()
     }
 
-    /// Serves until the process ends.
-    pub fn run(self) {
+    /// Serves in another thread, until the process ends.
+    pub fn start(self) {
+        thread::spawn(move || self.serve());
+    }
+
+    fn serve(self) {
         for stream in self.listener.incoming() {
             match stream {
                 Ok(stream) => self.shared.accept(stream),

@@ -29,7 +29,7 @@ fn start(files: &[PathBuf]) -> TestServer {
 fn start_with(files: &[PathBuf], relay: Option<Relay>) -> TestServer {
     let server = Server::bind(0, Desk::open(files, None).unwrap(), relay).unwrap();
     let address = server.address();
-    thread::spawn(|| server.run());
+    server.start();
     let (port, token) =
         address.strip_prefix("http://127.0.0.1:").unwrap().split_once("/?token=").unwrap();
     assert_eq!(token.len(), 32);

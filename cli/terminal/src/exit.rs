@@ -3,11 +3,15 @@
 use rollwalk_planner::report::Judgement;
 use std::process::ExitCode;
 
-/// Exit codes for the end of a help text: the codes that all commands share, and `exits` of this command.
+/// Exit codes for the end of a help text: the codes that all commands share, and `exits` of this command. `Exit::Ok` in
+/// `exits` marks a command that runs until a signal ends it.
 pub(crate) fn help(exits: &[Exit]) -> String {
     let has = |exit| exits.contains(&exit);
-    let done =
-        if has(Exit::DoesNotHold) { "done, and every plan passed its checks" } else { "done" };
+    let done = match (has(Exit::Ok), has(Exit::DoesNotHold)) {
+        (true, _) => "done, or ended by Ctrl-C, SIGTERM or SIGHUP",
+        (false, true) => "done, and every plan passed its checks",
+        (false, false) => "done",
+    };
     let mut text = format!(
         "Exit codes:\n  0    {done}\n  1    bad input, or a file that cannot be read or written\n  2    wrong command line"
     );
@@ -23,7 +27,10 @@ pub(crate) fn help(exits: &[Exit]) -> String {
             text += &format!("\n  {}    {meaning}", exit.code());
         }
     }
-    text + "\n  130  interrupted before the end: Ctrl-C, SIGTERM, SIGHUP"
+    text + match has(Exit::Ok) {
+        true => "\n  130  ended at once by a second signal",
+        false => "\n  130  interrupted before the end: Ctrl-C, SIGTERM, SIGHUP",
+    }
 }
 
 /// Result of a run.
