@@ -7,6 +7,7 @@
 mod apps;
 mod buses;
 mod cmd;
+mod excursion;
 mod gamepad;
 mod live;
 mod picture;
@@ -43,7 +44,7 @@ pub fn command_line() -> clap::Command {
     with_common_help(Cli::command(), &exits)
 }
 
-/// Additional exit codes of a command, beside 0, 1, 2 and 130.
+/// Additional exit codes of a command, beside 0, 1, 2 and 130; `Exit::Ok` if the command runs until a signal ends it.
 fn exits(path: &str) -> &'static [Exit] {
     match path.strip_prefix("rollwalk ").unwrap_or_default() {
         "demo" => &[Exit::DoesNotHold, Exit::OutOfBounds],
@@ -51,8 +52,10 @@ fn exits(path: &str) -> &'static [Exit] {
         "design edit" | "design keep" | "design optimise" => &[Exit::DoesNotHold],
         "bench" => &[Exit::DoesNotHold, Exit::OutOfBounds],
         "drive" => &[Exit::DoesNotHold, Exit::NotDone],
-        "control" | "discover" | "flash" | "send" | "monitor" | "gains" | "doctor" | "console"
-        | "estop" | "clear" | "disarm" | "pause" | "resume" | "return" => &[Exit::NotDone],
+        "studio" => &[Exit::Ok],
+        "monitor" | "console" => &[Exit::Ok, Exit::NotDone],
+        "control" | "discover" | "flash" | "send" | "gains" | "doctor" | "estop" | "clear"
+        | "disarm" | "pause" | "resume" | "return" => &[Exit::NotDone],
         _ => &[],
     }
 }
@@ -61,7 +64,7 @@ fn exits(path: &str) -> &'static [Exit] {
 pub fn main() -> ExitCode {
     let matches = command_line().try_get_matches();
     let cli = matches.and_then(|matches| Cli::from_arg_matches(&matches));
-    let cli = cli.unwrap_or_else(|error| words::explain(error).exit());
+    let cli = cli.unwrap_or_else(|error| words::explain(error, &command_line()).exit());
     end(cli.command.run(&mut command_line()))
 }
 
@@ -93,6 +96,20 @@ mod tests {
         // A command with subcommands lists the codes of all of them.
         assert_eq!(codes(&["library"]), ["0", "1", "2", "3", "130"]);
         assert_eq!(codes(&[]), ["0", "1", "2", "3", "4", "5", "130"]);
+    }
+
+    /// Checks the help texts of the programs that run until Ctrl-C; `tests/integration` signals them.
+    #[test]
+    fn a_signal_ends_only_endless_programs_with_0() {
+        let command = super::command_line();
+        let help = |name| command.find_subcommand(name).unwrap().get_after_long_help().unwrap();
+        let ends_with_0 = |help: String| help.contains("0    done, or ended by Ctrl-C");
+        for name in ["studio", "monitor", "console"] {
+            assert!(ends_with_0(help(name).to_string()), "{name}");
+        }
+        assert!(ends_with_0(super::sim::command_line().get_after_long_help().unwrap().to_string()));
+        assert!(!ends_with_0(help("drive").to_string()));
+        assert!(!ends_with_0(command.get_after_long_help().unwrap().to_string()));
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod status;
 use crate::buses::BusLoads;
 use crate::live::{self, LiveArgs};
 use crate::terrain::{GroundArgs, Support};
+use crate::words;
 use crate::world_log::{SharedLog, WorldLog, WorldLogArgs};
 use buses::{LostBuses, at_rates, check_kinds, port, ports};
 use clap::{CommandFactory, FromArgMatches, Parser, ValueEnum};
@@ -20,7 +21,7 @@ use keys::Keys;
 use lag::LagWatch;
 use memory::Memory;
 use miette::{IntoDiagnostic, miette};
-use rollwalk_bus::name::BusName;
+use rollwalk_bus::name::{BusName, InvalidBusName};
 use rollwalk_bus::port::Port;
 use rollwalk_bus::priority;
 use rollwalk_firmware::Settings;
@@ -47,9 +48,9 @@ use std::time::{Duration, Instant};
 /// motors or the controller are left out, so that real ones can replace them. Motors use the protocol in the file's [[bus]].
 ///
 /// The whole robot is on the ground: a hoist holds it until it plays, and lifts it again after 3 s without torque. The
-/// simulator prints the displacement of each motion, and falls. With --on stand the robot hangs on a stand instead, its body
-/// fixed and its wheels in the air. With --actuators, the default is the stand. With --actuators and --on ground, the hoist
-/// releases the robot when all motors have torque and hold their targets still.
+/// simulator prints the displacement of each motion, the net displacement from SAFE to SAFE, and falls. With --on stand the
+/// robot hangs on a stand instead, its body fixed and its wheels in the air. With --actuators, the default is the stand. With
+/// --actuators and --on ground, the hoist releases the robot when all motors have torque and hold their targets still.
 ///
 /// With --library FILE the simulated flash survives a restart: the simulator reads FILE at start, if it exists, and writes each
 /// library that a host flashes to FILE. Before it overwrites a library for the first time, it copies that library to another
@@ -89,7 +90,7 @@ struct Cli {
     #[arg(long, value_name = "BUS", required_unless_present = "only")]
     bus: Option<BusName>,
     /// Actuator bus, in the order of bus numbers; once for each bus of the robot.
-    #[arg(long, value_name = "BUS")]
+    #[arg(long, value_name = "BUS", value_parser = actuator_bus)]
     actuators: Vec<BusName>,
     /// Run only the given part of the robot.
     #[arg(long, value_name = "PART", requires = "actuators")]
@@ -103,7 +104,7 @@ struct Cli {
     #[arg(long, value_name = "LIB.rwl")]
     library: Option<PathBuf>,
     /// Write every frame of every simulated bus to this file, in the format of candump.
-    #[arg(long, value_name = "FILE", conflicts_with = "actuators")]
+    #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
     #[command(flatten)]
     world_log: WorldLogArgs,
@@ -130,15 +131,27 @@ enum Part {
     Motors,
 }
 
+/// Parses the name of an actuator bus.
+fn actuator_bus(name: &str) -> Result<BusName, String> {
+    if name.starts_with("/dev/") {
+        return Err(format!(
+            "the kind of bus is missing before the device: give tty:{name} for servos on a serial \
+             line, or slcan:{name} for a CAN adapter"
+        ));
+    }
+    name.parse().map_err(|error: InvalidBusName| error.to_string())
+}
+
 /// Command line; its long help ends with the exit codes.
 pub fn command_line() -> clap::Command {
-    with_common_help(Cli::command(), &|_| &[])
+    with_common_help(Cli::command(), &|_| &[Exit::Ok])
 }
 
 /// Parses the command line and runs the robot.
 pub fn main() -> ExitCode {
-    let cli = Cli::from_arg_matches(&command_line().get_matches());
-    end(run(&cli.unwrap_or_else(|error| error.exit())))
+    let matches = command_line().try_get_matches();
+    let cli = matches.and_then(|matches| Cli::from_arg_matches(&matches));
+    end(run(&cli.unwrap_or_else(|error| words::explain(error, &command_line()).exit())))
 }
 
 fn run(cli: &Cli) -> miette::Result<Exit> {
@@ -160,6 +173,17 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
         ));
     }
     check_kinds(&robot, &cli.actuators)?;
+    if let (false, Some(log)) = (cli.actuators.is_empty(), &cli.log) {
+        let bus = cli.bus.as_ref().map_or("BUS".to_owned(), ToString::to_string);
+        return Err(miette!(
+            help = format!(
+                "log the link with `rollwalk monitor --bus {bus} --log {}`, and CAN buses of \
+                 actuators with `candump -L`",
+                log.display()
+            ),
+            "--log is for simulated buses, but --actuators names buses of this computer"
+        ));
+    }
     let support = match cli.on {
         Some(Support::Ground) if cli.only == Some(Part::Controller) => {
             return Err(miette!(
@@ -332,10 +356,11 @@ fn run_whole(
         port,
         &mut LostBuses { link: Some(bus), actuators: &[], says: true },
         |rig, entries| {
+            // Before the state, whose changes are printed with the present time.
+            world.print(rig);
             // State and faults are those of the controller, because anyone may send a status on the link.
             let controller = rig.core().controller();
             printer.print(rig.now().as_s(), controller.state(), controller.faults());
-            world.print(rig);
             if let (Some(view), Some(ground)) = (&mut view, rig.body().ground()) {
                 view.show_world(ground.world());
             }

@@ -9,6 +9,7 @@ use rollwalk_multibody::ground::Ground;
 use rollwalk_physics::push::Shove;
 use rollwalk_protocol::library::{ClipId, ClipInfo, Library, NodeId, PlaceCode, RATE_HZ, place_of};
 use rollwalk_protocol::wire::{Parameter, State};
+use rollwalk_robot::Robot;
 use rollwalk_sim_host::ground::Travel;
 use rollwalk_sim_host::rig::Rig;
 use rollwalk_terminal::validated_library::ValidatedLibrary;
@@ -34,6 +35,8 @@ pub struct Options<'a> {
     pub cycles: u32,
     /// True to play motions named after a place, such as `climb@stairs`.
     pub at_places: bool,
+    /// Robot of the simulated world, if it differs from that of the library.
+    pub world_robot: Option<&'a Robot>,
     /// Log of the world; `None` if none is written.
     pub world_log: Option<WorldLog>,
 }
@@ -65,7 +68,7 @@ pub fn play(packed: &ValidatedLibrary, options: Options<'_>) -> miette::Result<T
     let (robot, library) = (&packed.robot, &packed.library());
     let mut rig = Rig::new(robot).into_diagnostic()?;
     if let Some(ground) = options.ground {
-        rig = rig.onto_ground(robot, ground, options.shoves);
+        rig = rig.onto_ground(options.world_robot.unwrap_or(robot), ground, options.shoves);
     }
     let world_log = options.world_log.map(|log| SharedLog::attach(log, &mut rig));
     let node = rig.node();

@@ -166,6 +166,19 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
     assert_eq!((names, &told["falls"]), (tour.to_vec(), &Value::Array(Vec::new())));
     let ahead_m = travels[2]["forward_m"].as_f64().unwrap();
     assert!((0.97..1.03).contains(&ahead_m), "{ahead_m}");
+    let excursions = told["excursions"].as_array().unwrap();
+    assert_eq!((excursions.len(), &excursions[0]["motions"][0]), (1, &"drive_1m".into()));
+    let net_m = excursions[0]["forward_m"].as_f64().unwrap();
+    let sum_m: f64 = travels[1..4].iter().map(|of| of["forward_m"].as_f64().unwrap()).sum();
+    // The robot drives straight ahead.
+    assert!((net_m - sum_m).abs() < 0.005, "{net_m} m from SAFE to SAFE, {sum_m} m in all");
+    let heavy =
+        desk.run(&["simulate", "drive.rwl", "--mass", "1.5", "--friction", "0.9", "--json"]);
+    let heavy: Value = serde_json::from_str(&heavy.stdout).unwrap();
+    let force_n = |of: &Value| of["travels"][2]["force_max_n"].as_f64().unwrap();
+    assert!(force_n(&heavy) > 1.2 * force_n(&told), "{heavy}");
+    desk.run(&["simulate", "drive.rwl", "--contact-stiffness", "2"])
+        .fails(1, &["--contact-stiffness is for plans"]);
     desk.run(&["simulate", "drive.rwl", "--push", "4:0,100,0:0.2"])
         .succeeds_with(3, &["1 fall, the first after 4.", "waited for motion"]);
     desk.run(&["simulate", "drive.rwl", "--rate", "60"]).fails(1, &["--rate is for plans"]);
@@ -217,6 +230,11 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
         words[words.iter().position(|word| *word == "ahead,").unwrap() - 2].parse().unwrap();
     assert!((0.97..1.03).contains(&ahead), "{line}");
     assert!(!said.contains("fell"), "{said}");
+    assert!(said.contains("s  from SAFE to SAFE with drive_1m: "), "{said}");
+    // Other lines than events begin with a word.
+    let times: Vec<f64> =
+        said.lines().filter_map(|line| line.split_once(" s  ")?.0.trim().parse().ok()).collect();
+    assert!(times.len() > 5 && times.is_sorted(), "{said}");
     let driven_m = logged_way_m(&desk.read_text("live.csv"), "drive_1m");
     assert!((driven_m - ahead).abs() < 0.002, "{driven_m} m in the log, {line}");
 }

@@ -156,3 +156,20 @@ fn a_line_of_servos_is_no_bus_of_frames() {
     on(&desk, "tty:/dev/ttyUSB0", &["discover"])
         .fails(1, &["a serial line of servos", "serial:DEVICE"]);
 }
+
+/// Checks that a wrong bus of actuators is refused with the name that the robot needs.
+#[test]
+fn a_device_is_named_with_the_kind_of_bus_that_servos_need() {
+    let desk = desk_with_shipped_files();
+    let with = |robot, actuators: &[&str], more: &[&str]| {
+        let named = actuators.iter().flat_map(|bus| ["--actuators", bus]);
+        let args = [robot, "--only", "controller", "--bus", "sim:robot.sock"].into_iter();
+        let args: Vec<_> = args.chain(named).chain(more.iter().copied()).collect();
+        Robot::refuses(&desk, &args)
+    };
+    let (pup, agilebot) = ("robots/pup.toml", "robots/agilebot.toml");
+    with(pup, &["/dev/ttyACM3"], &[]).fails(2, &["give tty:/dev/ttyACM3 for servos on a serial"]);
+    with(pup, &["serial:/dev/ttyACM3"], &[]).fails(1, &["such as tty:/dev/ttyACM3"]);
+    with(agilebot, &["can:can1", "can:can2"], &["--log", "bus.log"])
+        .fails(1, &["rollwalk monitor --bus sim:robot.sock --log bus.log"]);
+}

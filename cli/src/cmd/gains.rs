@@ -20,7 +20,6 @@ use serde::Serialize;
 Examples:
   rollwalk gains show --bus can:can0
   rollwalk gains set front_left_knee --kp 60 --kd 1.5 --bus can:can0
-  rollwalk gains set all --torque-limit 1.2 --bus can:can0
   rollwalk gains feed-forward 0.5 --bus can:can0
   rollwalk gains save --bus can:can0
   rollwalk gains reset --bus can:can0       # values of the robot file
@@ -45,14 +44,22 @@ struct Show {
 #[derive(clap::Subcommand)]
 enum Action {
     /// Show all values.
+    #[command(after_long_help = "Examples:\n  rollwalk gains show --bus can:can0")]
     Show(Show),
     /// Set values of one channel or of all channels.
+    #[command(after_long_help = "\
+Examples:
+  rollwalk gains set front_left_knee --kp 60 --kd 1.5 --bus can:can0
+  rollwalk gains set all --torque-limit 1.2 --bus can:can0")]
     Set(Set),
     /// Set the fraction of the library's torques that is fed forward, for all channels.
+    #[command(after_long_help = "Examples:\n  rollwalk gains feed-forward 0.5 --bus can:can0")]
     FeedForward(FeedForward),
     /// Set all values to those of the robot file, and feed-forward to 1.
+    #[command(after_long_help = "Examples:\n  rollwalk gains reset --bus can:can0")]
     Reset(Link),
     /// Store the current values permanently; only while disarmed.
+    #[command(after_long_help = "Examples:\n  rollwalk gains save --bus can:can0")]
     Save(Link),
 }
 

@@ -17,6 +17,10 @@ use std::path::{Path, PathBuf};
 /// Without `-o` the command prints joints, likely feet and wheels, and a standing pose. `--template` writes them to a first
 /// side file, to be checked and completed. With `--with` the values of another side file replace guesses.
 #[derive(clap::Args)]
+#[command(override_usage = "\
+rollwalk robot import ROBOT [--json]
+       rollwalk robot import ROBOT --template SIDE.toml [--with SIDE.toml]
+       rollwalk robot import ROBOT --with SIDE.toml --output ROBOT.toml")]
 #[command(after_long_help = "\
 Examples:
   rollwalk robot import a1.urdf                                      joints, feet, wheels

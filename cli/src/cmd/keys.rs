@@ -6,6 +6,10 @@ use std::path::PathBuf;
 
 /// Make keys.
 #[derive(clap::Subcommand)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk keys new robot.key
+  rollwalk keys new-pair owner.pem")]
 pub enum Action {
     New(New),
     NewPair(NewPair),

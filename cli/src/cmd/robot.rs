@@ -16,6 +16,12 @@ use std::path::PathBuf;
 
 /// Check and draw robot files, import them from URDF and MJCF, and export them for other tools.
 #[derive(clap::Subcommand)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk robot check robots/agilebot.toml
+  rollwalk robot draw robots/agilebot.toml -o agilebot.svg
+  rollwalk robot import a1.urdf --template a1.side.toml
+  rollwalk robot export robots/agilebot.toml -o agilebot.urdf")]
 pub enum Action {
     Check(Check),
     Import(import::Args),

@@ -72,6 +72,7 @@ pub fn simulate(
         feed_forward: true,
         cycles: CYCLES,
         at_places: false,
+        world_robot: None,
         world_log: None,
     };
     let TourResult { rig, travels, stopped, .. } = tour::play(packed, options)?;

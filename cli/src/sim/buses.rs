@@ -23,11 +23,18 @@ pub fn check_kinds(robot: &Robot, names: &[BusName]) -> miette::Result<()> {
         let bus = robot.buses.get(&number).copied().unwrap_or_default();
         let speaks = bus.protocol.name();
         if bus.protocol.is_serial() != name.carries_bytes() {
-            let (is, right) = match bus.protocol.is_serial() {
-                true => {
-                    ("a serial line", "tty:/dev/ttyUSB0, or pty:/tmp/servos for simulated motors")
+            let (is, right) = match (bus.protocol.is_serial(), name) {
+                (true, BusName::Serial { device, .. } | BusName::Slcan { device, .. }) => {
+                    ("a serial line", format!("tty:{}", device.display()))
                 }
-                false => ("a CAN bus", "can:can0"),
+                (true, _) => (
+                    "a serial line",
+                    "tty:/dev/ttyUSB0, or pty:/tmp/servos for simulated motors".to_owned(),
+                ),
+                (false, BusName::Tty { device, .. }) => {
+                    ("a CAN bus", format!("can:can0, or slcan:{}", device.display()))
+                }
+                (false, _) => ("a CAN bus", "can:can0".to_owned()),
             };
             return Err(miette!(
                 help = format!("give {is} with --actuators, such as {right}"),

@@ -1,5 +1,7 @@
 //! Messages of `rollwalk-sim` about the robot on the ground.
 
+use crate::excursion::Excursions;
+use rollwalk_physics::world::NetDisplacement;
 use rollwalk_protocol::library::NodeId;
 use rollwalk_sim_host::ground::{Grounded, Moving, Travel};
 use rollwalk_sim_host::rig::Rig;
@@ -13,76 +15,118 @@ pub struct Printer {
     falls: usize,
     obstacle_contacts: usize,
     is_held: bool,
+    excursions: Excursions,
 }
 
 impl Default for Printer {
     fn default() -> Self {
-        Self { falls: 0, obstacle_contacts: 0, is_held: true }
+        let excursions = Excursions::default();
+        Self { falls: 0, obstacle_contacts: 0, is_held: true, excursions }
     }
 }
 
+/// Time, s, and description of an event.
+type Event = (f64, String);
+
 impl Printer {
-    /// Prints the motions that ended and the falls since the previous call.
+    /// Prints the motions that ended and the falls since the previous call, in the order of time.
     pub fn print(&mut self, rig: &mut Rig) {
-        for travel in rig.take_travels().iter().filter(|travel| travel.duration_s() >= SHORTEST_S) {
-            let library = rig.core().controller().library();
+        let travels = rig.take_travels();
+        let library = rig.core().controller().library();
+        let safe = library.as_ref().map(|library| library.safe_node().0);
+        let mut events = Vec::new();
+        for travel in &travels {
             let name = match travel.motion {
                 // Transitions have no names.
-                Moving::Clip(clip) => library.and_then(|library| library.name(NodeId(clip.0))),
+                Moving::Clip(clip) => {
+                    library.as_ref().and_then(|library| library.name(NodeId(clip.0)))
+                }
                 Moving::Setpoints => Some("setpoints of the host"),
             };
-            if let Some(name) = name {
-                print_travel(name, travel);
+            if travel.clip().map(|clip| clip.0) != safe {
+                self.excursions.add(name, &travel.displacement());
+            }
+            if let Some(name) = name.filter(|_| travel.duration_s() >= SHORTEST_S) {
+                events.push(describe_travel(name, travel));
             }
         }
         if let Some(ground) = rig.body().ground() {
-            self.print_ground(ground);
+            if safe.is_some()
+                && ground.playing().map(|clip| clip.0) == safe
+                && let Some(done) = self.excursions.return_to_safe()
+            {
+                let name = done.name();
+                let way = describe_way(&done.way);
+                events.push((rig.now().as_s(), format!("from SAFE to SAFE with {name}: {way}")));
+            }
+            // The world is up to one step ahead of the controller, whose states are printed with the present time.
+            let now_s = rig.now().as_s();
+            let of_ground = self.ground_events(ground).into_iter();
+            events.extend(of_ground.map(|(at_s, what)| (at_s.min(now_s), what)));
         }
+        print_events(events);
     }
 
     /// Prints falls, contacts with obstacles and hoist actions since the previous call.
     pub fn print_ground(&mut self, ground: &Grounded) {
+        print_events(self.ground_events(ground));
+    }
+
+    fn ground_events(&mut self, ground: &Grounded) -> Vec<Event> {
+        let mut events = Vec::new();
         let falls = ground.falls();
         for fall in falls.iter().skip(self.falls) {
-            output::print_line(format_args!(
-                "{:9.3} s  the robot fell: tilted by {:.0}°, its centre of mass {:.2} m above the ground; \
-                 the hoist lifts the robot after 3 s without torque",
-                fall.at.as_s(),
+            let what = format!(
+                "the robot fell: tilted by {:.0}°, its centre of mass {:.2} m above the ground; the \
+                 hoist lifts the robot after 3 s without torque",
                 fall.how.tilt_rad.to_degrees(),
                 fall.how.height_m
-            ));
+            );
+            events.push((fall.at.as_s(), what));
         }
         self.falls = falls.len();
         let contacts = ground.obstacle_contacts().unwrap_or_default();
         for contact in contacts.iter().skip(self.obstacle_contacts) {
-            output::print_line(format_args!(
-                "{:9.3} s  `{}` touches obstacle `{}`",
-                contact.at_s, contact.link, contact.obstacle
-            ));
+            let what = format!("`{}` touches obstacle `{}`", contact.link, contact.obstacle);
+            events.push((contact.at_s, what));
         }
         self.obstacle_contacts = contacts.len();
         if ground.is_held() != self.is_held {
             self.is_held = ground.is_held();
             let what = if self.is_held { "lifts the robot" } else { "releases the robot" };
-            let at_s = ground.world().system().time_s();
-            output::print_line(format_args!("{at_s:9.3} s  the hoist {what}"));
+            events.push((ground.world().system().time_s(), format!("the hoist {what}")));
         }
+        events
     }
 }
 
-fn print_travel(name: &str, travel: &Travel) {
-    let (way, totals) = (travel.displacement(), travel.totals());
-    output::print_line(format_args!(
-        "{:9.3} s  {name}: {} m ahead, {} m to the left, turned by {}° in {:.2} s; tilt up to \
-         {:.1}°, slid {:.3} m, at most {:.1} N on a foot or wheel, {} J of work by the motors",
-        travel.to.as_s(),
-        fixed::<3>(way.forward_m),
-        fixed::<3>(way.left_m),
-        fixed::<1>(way.turn_rad.to_degrees()),
+fn print_events(mut events: Vec<Event>) {
+    events.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    for (at_s, what) in events {
+        output::print_line(format_args!("{at_s:9.3} s  {what}"));
+    }
+}
+
+fn describe_travel(name: &str, travel: &Travel) -> Event {
+    let totals = travel.totals();
+    let what = format!(
+        "{name}: {} in {:.2} s; tilt up to {:.1}°, slid {:.3} m, at most {:.1} N on a foot or \
+         wheel, {} J of work by the motors",
+        describe_way(&travel.displacement()),
         travel.duration_s(),
         totals.tilt_max_rad.to_degrees(),
         totals.slid_m,
         totals.force_max_n,
         fixed::<2>(totals.work_j)
-    ));
+    );
+    (travel.to.as_s(), what)
+}
+
+fn describe_way(way: &NetDisplacement) -> String {
+    format!(
+        "{} m ahead, {} m to the left, turned by {}°",
+        fixed::<3>(way.forward_m),
+        fixed::<3>(way.left_m),
+        fixed::<1>(way.turn_rad.to_degrees())
+    )
 }

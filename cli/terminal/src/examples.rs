@@ -39,24 +39,18 @@ pub fn of(command: &clap::Command) -> Vec<Vec<String>> {
     texts.iter().flat_map(|text| commands(text)).collect()
 }
 
-/// Returns the subcommands of `command` without an example, neither in their own help nor in the help of their parent.
+/// Returns the commands, among `command` and its subcommands, whose help text has no example of them or of a subcommand.
 ///
 /// `typed` is the command line that selects `command`.
 pub fn missing(command: &clap::Command, typed: &str) -> Vec<String> {
-    without(command, typed, "")
-}
-
-fn without(command: &clap::Command, typed: &str, above: &str) -> Vec<String> {
     let help = command.get_after_long_help().map_or_else(String::new, ToString::to_string);
-    if command.has_subcommands() {
-        let below = |below| (below, format!("{typed} {}", clap::Command::get_name(below)));
-        let below = command.get_subcommands().map(below);
-        return below.flat_map(|(below, typed)| without(below, &typed, &help)).collect();
-    }
     let is_of_it =
         |words: Vec<String>| format!("{} ", words.join(" ")).starts_with(&format!("{typed} "));
-    let has_one = commands(&format!("{above}\n{help}")).into_iter().any(is_of_it);
-    if has_one { Vec::new() } else { vec![typed.to_owned()] }
+    let has_one = commands(&help).into_iter().any(is_of_it);
+    let own = (!has_one).then(|| typed.to_owned());
+    let below = command.get_subcommands();
+    let below = below.flat_map(|below| missing(below, &format!("{typed} {}", below.get_name())));
+    own.into_iter().chain(below).collect()
 }
 
 #[cfg(test)]

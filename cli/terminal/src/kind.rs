@@ -112,7 +112,8 @@ impl Kind {
                 && !["[[joint]]", "[[limb]]", "[template"].into_iter().any(has);
         let marks = marks.chain(is_side.then_some(("[", Self::Side)));
         let mark = marks.into_iter().find(|(header, _)| has(header)).map(|(_, kind)| kind);
-        let is_terrain = || terrain::kinds().any(|kind| has(&format!("[{kind}]")));
+        let is_terrain =
+            || has("[[obstacle]]") || terrain::kinds().any(|kind| has(&format!("[{kind}]")));
         mark.or_else(|| is_terrain().then_some(Self::Terrain))
     }
 
@@ -376,6 +377,7 @@ mod tests {
         let robot = "# Pup\n\nname = \"pup\"\n[[link]]\n";
         assert_eq!(Kind::of(robot), Some(Kind::Robot));
         assert_eq!(Kind::of("[[link]]\n"), Some(Kind::Robot));
+        assert_eq!(Kind::of("[[obstacle]]\n"), Some(Kind::Terrain));
         assert_eq!(Kind::of(&format!("# Pup\n\nRobots walk.\n\n```toml\n{robot}```\n")), None);
     }
 

@@ -78,10 +78,7 @@ impl SolveProgress {
                  {step:>9.2e}  {worst_constraint}"
             ));
         }
-        let at = format!(
-            "iteration {iteration:>3}, worst {worst_constraint} at {worst_level:.2} times its \
-             tolerance"
-        );
+        let at = format!("iteration {iteration:>3}, {}", worst(worst_constraint, *worst_level));
         if !self.table {
             self.lines.print(format_args!("{}: {at}", self.bar.prefix()));
         }
@@ -120,5 +117,24 @@ impl SolveProgress {
             summary.status,
         ));
         took
+    }
+}
+
+/// Describes the constraint with the largest ratio of its residual to its tolerance.
+fn worst(constraint: impl Display, level: f64) -> String {
+    match level > 1.0 {
+        true => format!("worst {constraint} at {level:.2} times its tolerance"),
+        false => "all constraints within their tolerances".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::worst;
+
+    #[test]
+    fn constraints_within_their_tolerances_are_not_named() {
+        assert_eq!(worst("slip", 0.0), "all constraints within their tolerances");
+        assert_eq!(worst("slip", 1.5), "worst slip at 1.50 times its tolerance");
     }
 }

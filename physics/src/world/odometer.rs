@@ -55,6 +55,17 @@ impl NetDisplacement {
     pub fn values(&self) -> [f64; 3] {
         [self.forward_m, self.left_m, self.turn_rad]
     }
+
+    /// Sum of this displacement and the one that follows it, in the starting heading of this one.
+    #[must_use]
+    pub fn then(&self, next: &Self) -> Self {
+        let (sine, cosine) = self.turn_rad.sin_cos();
+        Self {
+            forward_m: self.forward_m + cosine * next.forward_m - sine * next.left_m,
+            left_m: self.left_m + sine * next.forward_m + cosine * next.left_m,
+            turn_rad: self.turn_rad + next.turn_rad,
+        }
+    }
 }
 
 impl From<[f64; 3]> for NetDisplacement {

@@ -101,6 +101,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         feed_forward: ground.is_some(),
         cycles: 2,
         at_places: args.ground.has_terrain(),
+        world_robot: None,
         world_log: None,
     };
     let played =

@@ -2,6 +2,7 @@
 
 use super::outcome::{Bound, Clip, DemoOutcome};
 use super::world::World;
+use crate::excursion;
 use rollwalk_terminal::output::Table;
 
 pub fn render(outcome: &DemoOutcome) -> String {
@@ -81,7 +82,8 @@ fn on_ground(world: &World) -> String {
             format!("{:.2}", row.totals.work_j),
         ]);
     }
-    format!("{}\n\n{GROUND_LEGEND}\n\n", rows.render())
+    let excursions = excursion::table(&world.excursions);
+    format!("{}\n\n{GROUND_LEGEND}\n\n{excursions}\n\n", rows.render())
 }
 
 const GROUND_LEGEND: &str = "\

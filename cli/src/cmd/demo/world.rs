@@ -1,5 +1,6 @@
 //! Results of each motion on the ground, compared with its plan.
 
+use crate::excursion::{self, Excursion};
 use rollwalk_physics::world::{NetDisplacement, ObstacleContact, Totals};
 use rollwalk_planner::motion::Ends;
 use rollwalk_planner::plan::Plan;
@@ -13,6 +14,8 @@ use serde::Serialize;
 pub struct World {
     /// Motions and transitions in the order of playing.
     pub travels: Vec<Row>,
+    /// Net displacements from SAFE to SAFE.
+    pub excursions: Vec<Excursion>,
     pub falls: usize,
     /// First contact with an obstacle during each motion; null without obstacles.
     pub obstacle_contacts: Option<Vec<ObstacleContact>>,
@@ -41,10 +44,13 @@ pub struct Row {
 impl World {
     /// Compares the displacement of each played clip with its plan.
     pub fn new(plans: &Plans, travels: &[Travel], ground: &Grounded) -> Self {
+        let motions = plans.motions.iter().map(|planned| planned.plan.motion.name.as_str());
+        let excursions = excursion::of_tour(travels, &motions.collect::<Vec<_>>(), plans.safe);
         let plans: Vec<&Plan> = plans.all().map(|planned| &planned.plan).collect();
         let row = |travel: &Travel| Some(row(plans.get(usize::from(travel.clip()?.0))?, travel));
         Self {
             travels: travels.iter().filter_map(row).collect(),
+            excursions,
             falls: ground.falls().len(),
             obstacle_contacts: ground.obstacle_contacts().map(<[_]>::to_vec),
         }

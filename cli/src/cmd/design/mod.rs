@@ -24,6 +24,10 @@ use std::path::Path;
 ///
 /// A design file names a robot, motions, and the parameters of the robot that may change. docs/design.md is the guide.
 #[derive(clap::Subcommand)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk design check designs/agilebot_legs.toml
+  rollwalk design limits designs/agilebot_legs.toml")]
 pub enum Action {
     Check(check::Args),
     Edit(edit::Args),

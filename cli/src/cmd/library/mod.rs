@@ -9,6 +9,10 @@ use rollwalk_terminal::Exit;
 
 /// Build, inspect and sign motion libraries.
 #[derive(clap::Subcommand)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk library build motions/pup_library.toml -o pup.rwl
+  rollwalk library inspect pup.rwl")]
 pub enum Action {
     Build(build::Args),
     Inspect(inspect::Args),

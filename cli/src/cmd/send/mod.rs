@@ -4,7 +4,7 @@ mod motion_request;
 mod play;
 
 use miette::{IntoDiagnostic, miette};
-use motion_request::{MotionRequest, SelectedMotion, choose};
+use motion_request::{MotionRequest, SelectedMotion, check_place, choose};
 use play::{PlayEnd, Playing, play};
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::describe::alone;
@@ -95,6 +95,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let is_its_own = catalog.is_some_and(|catalog| catalog.library == library);
     let chosen = args.motions.iter().map(|wanted| choose(wanted, catalog, is_its_own));
     let chosen: Vec<_> = chosen.collect::<miette::Result<_>>()?;
+    if is_its_own {
+        check_place(&chosen, args.at.as_deref())?;
+    }
     if !args.arm {
         return match play(&mut session, args.playing(false), &chosen) {
             Ok(_) if interrupt::requested() => Ok(Exit::Interrupted),

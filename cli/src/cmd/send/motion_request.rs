@@ -2,6 +2,7 @@
 
 use miette::miette;
 use rollwalk_host::catalog::{Catalog, CatalogMotion};
+use rollwalk_protocol::library::place_of;
 use std::fmt;
 use std::str::FromStr;
 
@@ -111,6 +112,32 @@ pub fn choose<'a>(
     }
 }
 
+/// Checks, before the robot is armed, that `--at` permits the motions for a place: one motion at the given place.
+///
+/// # Errors
+/// Returns an error with the place that a motion needs and the one that was given.
+pub fn check_place(chosen: &[SelectedMotion<'_>], at: Option<&str>) -> miette::Result<()> {
+    let mut left = at;
+    let names = chosen.iter().filter_map(|chosen| Some(chosen.motion?.1.name.as_str()));
+    for (name, needed) in names.filter_map(|name| Some((name, place_of(name)?))) {
+        let given = match (at, left.take()) {
+            (_, Some(given)) if given == needed => continue,
+            (_, Some(given)) => format!("--at is `{given}`"),
+            (None, None) => "--at is missing".to_owned(),
+            (Some(_), None) => "--at permits only one motion for a place".to_owned(),
+        };
+        let help = match at {
+            Some(at) if at == needed => {
+                "play the motions one by one, and make sure each time that the robot stands there"
+                    .to_owned()
+            }
+            _ => format!("bring the robot to `{needed}`, and then give --at {needed}"),
+        };
+        return Err(miette!(help = help, "`{name}` begins at the place `{needed}`, but {given}"));
+    }
+    Ok(())
+}
+
 /// List of the command codes and their motions.
 fn codes(catalog: &Catalog) -> String {
     let known = |motion: &CatalogMotion| Some(format!("{} ({})", motion.code?, motion.name));
@@ -159,5 +186,40 @@ mod tests {
         assert_eq!(error.help().unwrap().to_string(), "give one of 1 (stand), 4 (walk)");
         assert_eq!(code("99", Some(&catalog), false).unwrap(), (99, None));
         assert_eq!(code("99", None, false).unwrap(), (99, None));
+    }
+
+    #[test]
+    fn a_place_permits_one_motion_that_begins_there() {
+        let motion = |name: &str| CatalogMotion {
+            name: name.into(),
+            code: Some(1),
+            frames: 60,
+            looping: false,
+        };
+        let motions = ["stand", "climb@stairs", "down@stairs"].map(motion);
+        let check = |played: &[usize], at| {
+            let select = |&node: &usize| SelectedMotion {
+                code: 1,
+                seconds: None,
+                motion: Some((node, &motions[node])),
+            };
+            check_place(&played.iter().map(select).collect::<Vec<_>>(), at)
+        };
+        let refused = |played: &[usize], at| {
+            let error = check(played, at).unwrap_err();
+            (error.to_string(), error.help().unwrap().to_string())
+        };
+        assert!(check(&[0, 0], None).is_ok() && check(&[0, 1, 0], Some("stairs")).is_ok());
+        let (error, help) = refused(&[0, 1], Some("table"));
+        assert_eq!(error, "`climb@stairs` begins at the place `stairs`, but --at is `table`");
+        assert_eq!(help, "bring the robot to `stairs`, and then give --at stairs");
+        let (error, _) = refused(&[1], None);
+        assert_eq!(error, "`climb@stairs` begins at the place `stairs`, but --at is missing");
+        let (error, help) = refused(&[1, 0, 2], Some("stairs"));
+        assert!(
+            error.starts_with("`down@stairs` begins")
+                && error.ends_with("only one motion for a place")
+        );
+        assert!(help.starts_with("play the motions one by one"), "{help}");
     }
 }

@@ -29,7 +29,7 @@ const ROUNDS_TOLERANCE: f64 = 0.01;
 pub struct Playing {
     /// Playback speed, in 64ths of the planned speed.
     pub speed_64ths: i8,
-    /// Place at which the robot stands before the first motion for a place.
+    /// Place at which the first motion for a place begins.
     pub place: Option<PlaceCode>,
     /// True if this program is the robot's host.
     pub holds: bool,
@@ -60,10 +60,10 @@ pub fn play(
         if interrupt::requested() {
             break;
         }
-        let ack = session.select_from(place, chosen.code, speed_64ths)?;
         // Without a catalog, any motion may begin at the place, and leaves it.
-        place = place
-            .filter(|_| chosen.motion.is_some_and(|(_, motion)| place_of(&motion.name).is_none()));
+        let may_begin_there = chosen.motion.is_none_or(|(_, of)| place_of(&of.name).is_some());
+        let at = place.take_if(|_| may_begin_there);
+        let ack = session.select_from(at, chosen.code, speed_64ths)?;
         let begins_s = f64::from(ack.value) / f64::from(RATE_HZ);
         if left == 0 && !holds {
             output::print_line(format_args!("{} begins in {begins_s:.2} s", chosen.name()));

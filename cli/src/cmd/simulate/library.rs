@@ -1,6 +1,7 @@
 //! Simulation of a motion library behind the firmware: a tour over its motion graph, with the results of each motion.
 
 use super::Args;
+use crate::excursion::{self, Excursion};
 use crate::planned::{self, ClipResult};
 use crate::terrain::Support;
 use crate::tour::{self, Options, TourResult};
@@ -8,6 +9,7 @@ use miette::miette;
 use rollwalk_physics::world::{NetDisplacement, ObstacleContact, Totals};
 use rollwalk_protocol::library::place_of;
 use rollwalk_sim_host::ground::{Fall, Travel};
+use rollwalk_simulate::Mismatch;
 use rollwalk_terminal::files::Rotation;
 use rollwalk_terminal::output::Table;
 use rollwalk_terminal::validated_library::ValidatedLibrary;
@@ -21,6 +23,8 @@ struct Document {
     session_s: f64,
     /// Motions and transitions in the order of playing.
     travels: Vec<Row>,
+    /// Net displacements from SAFE to SAFE.
+    excursions: Vec<Excursion>,
     falls: Vec<FallRow>,
     /// First contact with an obstacle during each motion.
     obstacle_contacts: Vec<ObstacleContact>,
@@ -67,14 +71,16 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             "--tracking is for plans: the firmware plays libraries in open loop"
         ));
     }
-    if args.mass != 1.0 || args.friction.is_some() || args.contact_stiffness != 1.0 {
+    if args.contact_stiffness != 1.0 {
         return Err(miette!(
-            help = "leave out these options, or simulate a plan",
-            "--mass, --friction and --contact-stiffness are for plans"
+            help = "leave out this option, or simulate a plan",
+            "--contact-stiffness is for plans"
         ));
     }
     let packed = ValidatedLibrary::read(&args.what, args.robot.as_deref())?;
     let ground = args.ground.under(Support::Ground, &packed.robot)?;
+    let mismatch = Mismatch { mass: args.mass, friction: args.friction, ..Mismatch::default() };
+    let world_robot = mismatch.of(&packed.robot);
     interrupt::install_handler();
     let TourResult { rig, travels, session_s, stopped, .. } = tour::play(
         &packed,
@@ -84,6 +90,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             feed_forward: !args.no_feed_forward,
             cycles: args.cycles,
             at_places: args.ground.has_terrain(),
+            world_robot: Some(&world_robot),
             world_log: args.world_log.begin(&packed.robot, Rotation::OFF)?,
         },
     )?;
@@ -101,6 +108,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             totals: travel.totals(),
         }
     };
+    let names: Vec<_> = catalog.motions.iter().map(|motion| motion.name.as_str()).collect();
     let ground = rig.body().ground();
     let falls = ground.map(|ground| ground.falls()).unwrap_or_default();
     let contacts = ground.and_then(|ground| ground.obstacle_contacts()).unwrap_or_default();
@@ -108,6 +116,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         robot: packed.robot.name.clone(),
         session_s,
         travels: travels.iter().map(row).collect(),
+        excursions: excursion::of_tour(&travels, &names, catalog.safe),
         falls: falls.iter().map(FallRow::from).collect(),
         obstacle_contacts: contacts.to_vec(),
         stopped: match stopped {
@@ -116,8 +125,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         },
     };
     if !args.ground.has_terrain() {
-        let names = catalog.motions.iter().map(|motion| motion.name.as_str());
-        let placed = names.filter(|name| place_of(name).is_some());
+        let placed = names.iter().filter(|name| place_of(name).is_some());
         let text =
             |name| format!("motion `{name}` was not played: give its terrain with --terrain");
         output::print_warnings(&placed.map(text).collect::<Vec<_>>());
@@ -191,8 +199,9 @@ fn describe(document: &Document) -> String {
     };
     let stopped = document.stopped.as_ref().map(|why| format!("; {why}")).unwrap_or_default();
     let mut text = format!(
-        "{}\n\n{} in {:.1} s: {falls}{stopped}",
+        "{}\n\n{}\n\n{} in {:.1} s: {falls}{stopped}",
         rows.render(),
+        excursion::table(&document.excursions),
         document.robot,
         document.session_s
     );

@@ -16,9 +16,10 @@ use std::path::PathBuf;
 /// and in the mean of the last three; otherwise the exit code is 3.
 ///
 /// A motion library (LIB.rwl) plays as on the robot: it is transferred to the firmware over the simulated bus, and every
-/// transition of its motion graph is played. The table lists the displacement of each motion, and its ratio to the plan if the
-/// library was built on this computer. The exit code is 3 if the robot falls or is stopped, or if a motion misses a goal of its
-/// plan. On Ctrl-C the robot returns to SAFE and is disarmed, and the table lists the motions played so far.
+/// transition of its motion graph is played. The tables list the displacement of each motion, its ratio to the plan if the
+/// library was built on this computer, and the net displacement from SAFE to SAFE. The exit code is 3 if the robot falls or is
+/// stopped, or if a motion misses a goal of its plan. On Ctrl-C the robot returns to SAFE and is disarmed, and the tables list
+/// the motions played so far.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -29,7 +30,8 @@ Examples:
   rollwalk simulate walk.plan.json --terrain doorstep.toml --push 2:20,0,0:0.1
   rollwalk simulate walk.plan.json --slope 5 --json
   rollwalk simulate demo-out/agilebot.rwl --cycles 3 --world-log run.csv
-  rollwalk simulate pup.rwl --robot pup.toml --slope 2")]
+  rollwalk simulate pup.rwl --robot pup.toml --slope 2
+  rollwalk simulate pup.rwl --mass 1.2 --friction 0.5")]
 pub struct Args {
     /// Plan (JSON) or motion library.
     #[arg(value_name = "PLAN.json|LIB.rwl")]
@@ -47,13 +49,13 @@ pub struct Args {
     /// motors.
     #[arg(long, conflicts_with = "no_feed_forward")]
     tracking: bool,
-    /// Ratio of the masses of the simulated robot to those of the plan's robot.
+    /// Ratio of the masses of the simulated robot to those of the planned robot.
     #[arg(long, value_name = "RATIO", default_value_t = 1.0, value_parser = ratio)]
     mass: f64,
-    /// Coefficient of friction of all feet, wheels and blades of the simulated robot [default: those of the plan's robot].
+    /// Coefficient of friction of all feet, wheels and blades of the simulated robot [default: those of the planned robot].
     #[arg(long, value_name = "COEFFICIENT", value_parser = ratio)]
     friction: Option<f64>,
-    /// Ratio of the stiffness of ground contacts to the default stiffness.
+    /// Ratio of the stiffness of ground contacts to the default stiffness; for a plan only.
     #[arg(long, value_name = "RATIO", default_value_t = 1.0, value_parser = ratio)]
     contact_stiffness: f64,
     /// Delay from a measurement to the set-points that answer it, ms, with --tracking.

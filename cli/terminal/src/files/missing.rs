@@ -81,12 +81,13 @@ fn help(path: &Path, typed: &Path, kind: Kind) -> String {
         text += &format!("did you mean `{}`? ", meant.display());
     }
     if !here.is_empty() {
-        let place = match beside == Path::new(".") {
-            true => "this folder".to_owned(),
-            false => beside.display().to_string(),
-        };
         let also = if near.is_some() { "also " } else { "" };
-        text += &format!("{place} {also}contains {}; ", here.join(", "));
+        let place = match beside.is_dir() {
+            true if beside == Path::new(".") => format!("this folder {also}contains"),
+            true => format!("{} {also}contains", beside.display()),
+            false => format!("rollwalk {also}ships"),
+        };
+        text += &format!("{place} {}; ", here.join(", "));
     } else if meant.is_none() && !beside.exists() {
         text += &format!("the folder {} does not exist either; ", beside.display());
     }
@@ -176,7 +177,7 @@ mod tests {
         let text = read_text(Path::new("robots/agilebot.toml"), Kind::Robot).unwrap();
         assert_eq!(Some(&*text), rollwalk_shipped::text("robots/agilebot.toml"));
         let help = help_of(Path::new("robots/agilbot.toml"), Kind::Robot);
-        let expected = "did you mean `robots/agilebot.toml`? robots also contains brainbot.toml, ";
+        let expected = "did you mean `robots/agilebot.toml`? rollwalk also ships brainbot.toml, ";
         assert!(help.starts_with(expected), "{help}");
         for (name, meant) in [("walk", "walk"), ("trto.toml", "trot"), ("walk.tml", "walk")] {
             let help = help_of(Path::new(name), Kind::Motion);
