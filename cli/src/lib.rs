@@ -13,6 +13,7 @@ mod live;
 mod picture;
 mod planned;
 mod played;
+mod remedies;
 mod signing;
 pub mod sim;
 mod studio;

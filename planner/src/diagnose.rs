@@ -12,4 +12,5 @@ mod weak;
 
 pub use attribute::diagnose;
 pub use mobility::Mobility;
+pub(crate) use mobility::one_of;
 pub use probe::{FeasibilityProbe, Schedule};

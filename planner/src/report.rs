@@ -20,6 +20,7 @@ mod grid;
 mod judgement;
 mod motors;
 mod net;
+mod remedy;
 mod residual;
 mod rows;
 mod sag;

@@ -3,6 +3,7 @@
 mod gaits;
 
 use super::robot::print_robot_warnings;
+use crate::remedies;
 use gaits::{GaitSearch, RankedPattern};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, miette};
@@ -311,8 +312,8 @@ fn refined(
         verdict = simulated(&finer)?;
         if verdict.holds() {
             output::print_line(format_args!(
-                "give samples = {} in the motion file, because libraries are planned with that \
-                 number",
+                "give samples = {} in the motion file: `library build` plans with the samples of the \
+                 file, and does not search for more",
                 finer.samples.len()
             ));
             return Some((finer, verdict, more_s));
@@ -404,17 +405,16 @@ impl<'a> PlanResult<'a> {
             Some(path) if !report.judgement.is_good() => format!(
                 "wrote {0}; find where the plan fails with `rollwalk report {0}`{1}",
                 path.display(),
-                if solve.diagnosis.is_some() {
-                    ""
-                } else {
-                    ". A longer duration, a nearer goal or more samples may help"
-                }
+                report
+                    .remedy(plan)
+                    .map(|way| format!(". What may help: {way}"))
+                    .unwrap_or_default()
             ),
             Some(path) if !holds => format!(
                 "wrote {0}; record the simulated motion with `rollwalk simulate {0} --world-log \
-                 RUN.csv`. More samples, a longer duration, a larger `duty` or stiffer servos may \
-                 help, or feedback (`rollwalk simulate {0} --tracking`)",
+                 RUN.csv`. What may help: {1}, or feedback (`rollwalk simulate {0} --tracking`)",
                 path.display(),
+                remedies::of_plan(plan),
             ),
             Some(path) => format!("wrote {}", path.display()),
             None => "nothing written".to_owned(),

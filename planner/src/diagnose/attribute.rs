@@ -327,7 +327,8 @@ fn culprit(
     violation: f64,
     estimate: Option<Estimate>,
 ) -> Culprit {
-    let mobility = Mobility::of(problem.model.robot(), &problem.stance, &problem.goal);
+    let duration_s = problem.interval_s * (problem.last() - 1) as f64;
+    let mobility = Mobility::of(problem.model.robot(), &problem.stance, &problem.goal, duration_s);
     let strongest = group.pulls.iter().map(|(y, ..)| y.abs()).fold(0.0, f64::max);
     let time_s = |at: usize| at.saturating_sub(1) as f64 * problem.interval_s;
     let pulling: Vec<f64> = group
@@ -337,7 +338,7 @@ fn culprit(
         .map(|&(_, at, _)| time_s(at))
         .collect();
     // Goals concern the whole motion.
-    let whole = [0.0, problem.interval_s * (problem.last() - 1) as f64];
+    let whole = [0.0, duration_s];
     let range = [
         pulling.iter().copied().fold(f64::INFINITY, f64::min),
         pulling.iter().copied().fold(0.0, f64::max),

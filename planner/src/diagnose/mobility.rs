@@ -1,7 +1,7 @@
 //! Mobility of a robot in a motion, used to omit advice that is already followed or impossible.
 
 use crate::families::Family;
-use crate::motion::Goal;
+use crate::motion::{Goal, LONGEST_S};
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::{Configuration, Frames, Tree};
 use rollwalk_robot::{EndEffector, Robot};
@@ -22,11 +22,13 @@ pub struct Mobility {
     could_steer: bool,
     /// True if the goal is sideways or a turn, and all joint axes are lateral. Feet then move in forward planes only.
     is_planar_aside: bool,
+    /// True if the duration is below the longest of a motion.
+    could_last: bool,
 }
 
 impl Mobility {
-    /// Returns the mobility in a motion with this goal. `stance` has one row per sample.
-    pub fn of(robot: &Robot, stance: &[Vec<bool>], goal: &Goal) -> Self {
+    /// Returns the mobility in a motion with this goal and duration. `stance` has one row per sample.
+    pub fn of(robot: &Robot, stance: &[Vec<bool>], goal: &Goal, duration_s: f64) -> Self {
         let (tree, joint_rad): (_, Vec<_>) =
             (Tree::new(robot), robot.joints.iter().map(|joint| joint.nominal_rad).collect());
         let (base_position_m, world_from_body) = (Vector3::zeros(), Matrix3::identity());
@@ -46,6 +48,7 @@ impl Mobility {
             is_planar_aside: (asks(goal.left_m) || asks(goal.turn_rad))
                 && is_planar
                 && !ends.iter().any(|end| rolls(&end)),
+            could_last: duration_s < 0.999 * LONGEST_S,
         }
     }
 
@@ -57,23 +60,33 @@ impl Mobility {
                 move sideways)"
                 .into();
         }
-        let mut ways = match family {
-            Family::ContactPoint if !self.some_step => vec!["a motion within the legs' reach"],
-            Family::TurningGoal => vec!["a smaller turn", "a longer duration"],
-            _ => return family.advice().to_owned(),
-        };
-        if self.could_step {
-            ways.push("feet that step");
+        let missing = [
+            (self.could_steer, "joints that steer the wheels"),
+            (self.could_step, "feet that step"),
+        ];
+        let missing = missing.into_iter().filter(|(could, _)| *could).map(|(_, way)| way);
+        match family {
+            Family::ContactPoint if !self.some_step => one_of(
+                &std::iter::once("a motion within the legs' reach")
+                    .chain(missing)
+                    .collect::<Vec<_>>(),
+            ),
+            // A robot without steering and steps cannot turn, however long the motion is.
+            Family::TurningGoal => {
+                let longer = self.could_last.then_some("a longer duration");
+                one_of(&missing.chain(["a smaller turn"]).chain(longer).collect::<Vec<_>>())
+            }
+            _ => {
+                let advice = family.advice();
+                let shorter = advice.strip_prefix("a longer duration or ");
+                shorter.filter(|_| !self.could_last).unwrap_or(advice).to_owned()
+            }
         }
-        if self.could_steer {
-            ways.push("joints that steer the wheels");
-        }
-        one_of(&ways)
     }
 }
 
 /// List of alternatives, as "a, b or c".
-fn one_of(ways: &[&str]) -> String {
+pub(crate) fn one_of(ways: &[&str]) -> String {
     match ways {
         [first @ .., last] if !first.is_empty() => format!("{} or {last}", first.join(", ")),
         _ => ways.concat(),
@@ -99,7 +112,7 @@ mod tests {
         let row = |lifted: usize| (0..4).map(|end| end != lifted || end >= steps).collect();
         let stance: Vec<_> = (0..4).map(row).collect();
         let goal = Goal { turn_rad: Some(0.5), ..Goal::default() };
-        Mobility::of(robot, &stance, &goal).advice(Family::TurningGoal)
+        Mobility::of(robot, &stance, &goal, 2.0).advice(Family::TurningGoal)
     }
 
     #[test]
@@ -109,9 +122,9 @@ mod tests {
         let car = robot(include_str!("../../../shipped/robots/car.toml"));
         let less = "a smaller turn or a longer duration";
         assert_eq!(turning(&agilebot, 4), less);
-        let steps = "a smaller turn, a longer duration or feet that step";
+        let steps = "feet that step, a smaller turn or a longer duration";
         assert_eq!((turning(&agilebot, 0), turning(&legbot(), 3)), (steps.into(), steps.into()));
-        let steered = "a smaller turn, a longer duration or joints that steer the wheels";
+        let steered = "joints that steer the wheels, a smaller turn or a longer duration";
         assert_eq!(turning(&car, 0), steered);
     }
 
@@ -120,7 +133,7 @@ mod tests {
         let mut planar = legbot();
         planar.joints.iter_mut().for_each(|joint| joint.axis_in_joint = Vector3::y());
         let stance = [vec![false; 4], vec![true; 4]];
-        let of = |robot: &Robot, goal| Mobility::of(robot, &stance, &goal);
+        let of = |robot: &Robot, goal| Mobility::of(robot, &stance, &goal, 2.0);
         for family in [Family::ContactPoint, Family::JointLimit, Family::TurningGoal] {
             assert!(of(&planar, ASIDE).advice(family).contains("straight ahead"), "{family}");
             for mobility in [of(&planar, Goal::default()), of(&legbot(), ASIDE)] {

@@ -5,6 +5,7 @@
 //! rise to its swing height in half the swing, and to cover its stride in the whole swing.
 
 use crate::families::Family;
+use crate::motion::LONGEST_S;
 use crate::plan::Culprit;
 use crate::problem::Problem;
 use nalgebra::Vector3;
@@ -28,8 +29,9 @@ pub(super) fn too_slow_to_step(problem: &Problem) -> Option<Culprit> {
     let robot = tree.robot();
     let frames = problem.model.frames(&problem.posture_q[0]);
     let goal = &problem.goal;
-    let stride_m = goal.forward_m.unwrap_or(0.0).hypot(goal.left_m.unwrap_or(0.0));
+    let goal_m = goal.forward_m.unwrap_or(0.0).hypot(goal.left_m.unwrap_or(0.0));
     let duration_s = problem.interval_s * (problem.last() - 1) as f64;
+    let swings = swings(problem);
     let slow = |swing: &Swing| {
         let end = &robot.end_effectors[swing.end_effector];
         let center = frames.point(end.link, &end.center_in_link_m);
@@ -44,8 +46,11 @@ pub(super) fn too_slow_to_step(problem: &Problem) -> Option<Culprit> {
         let total = |along: &dyn Fn(&Vector3<f64>) -> f64| {
             joints.iter().map(|&joint| speed(joint, along)).sum::<f64>()
         };
-        // The foot returns relative to the body while it is on the ground.
-        let back_m = stride_m * (1.0 - swing.duration_s / duration_s).max(0.0);
+        // The foot returns relative to the body while it is on the ground. Its swings share the goal.
+        let of_foot = swings.iter().filter(|other| other.end_effector == swing.end_effector);
+        let stride_s = duration_s / of_foot.count() as f64;
+        let stride_m = goal_m * stride_s / duration_s;
+        let back_m = stride_m * (1.0 - swing.duration_s / stride_s).max(0.0);
         let lift = swing.height_m / (0.5 * swing.duration_s * total(&up));
         let swing_forward = back_m / (swing.duration_s * total(&level));
         let lifts = lift >= swing_forward;
@@ -60,7 +65,6 @@ pub(super) fn too_slow_to_step(problem: &Problem) -> Option<Culprit> {
             swing.duration_s,
         ))
     };
-    let swings = swings(problem);
     let worst = swings.iter().filter_map(slow).max_by(|a, b| a.0.total_cmp(&b.0))?;
     let (factor, joint, first, swing_s) = worst;
     let limit_rad_s = robot.joints[joint].actuator.speed_max_rad_s;
@@ -77,11 +81,21 @@ pub(super) fn too_slow_to_step(problem: &Problem) -> Option<Culprit> {
         field: Some("speed_max_rad_s".to_owned()),
         given: Some(limit_rad_s),
         would_do: Some(FOR_MOTION * factor * limit_rad_s),
-        advice: format!(
-            "a longer duration, such as {:.2} s, faster motors, or a lower swing_height_m (the joints are too slow for a swing of {swing_s:.2} s; with timing = \"duration\" the planner seeks the duration)",
-            FOR_MOTION * factor * duration_s
-        ),
+        advice: advice(FOR_MOTION * factor * duration_s, swing_s),
     })
+}
+
+/// Advice for a motion that needs `needed_s` for its swings of `swing_s`.
+fn advice(needed_s: f64, swing_s: f64) -> String {
+    let slow = format!("the joints are too slow for a swing of {swing_s:.2} s");
+    if needed_s > LONGEST_S {
+        return format!(
+            "a nearer goal, several motions one after the other, faster motors, or a lower swing_height_m ({slow}, and a motion takes at most {LONGEST_S} s)"
+        );
+    }
+    format!(
+        "a longer duration, such as {needed_s:.2} s, faster motors, or a lower swing_height_m ({slow}; with timing = \"duration\" the planner seeks the duration)"
+    )
 }
 
 /// Swings of all end effectors on limbs with joints.
@@ -106,4 +120,18 @@ fn swings(problem: &Problem) -> Vec<Swing> {
         }
     }
     swings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::advice;
+
+    #[test]
+    fn a_duration_that_no_motion_can_have_is_not_advised() {
+        let short = advice(12.0, 0.3);
+        assert!(short.starts_with("a longer duration, such as 12.00 s, "), "{short}");
+        let long = advice(94.67, 0.3);
+        assert!(long.starts_with("a nearer goal, several motions one after the other, "), "{long}");
+        assert!(long.ends_with("and a motion takes at most 60 s)"), "{long}");
+    }
 }

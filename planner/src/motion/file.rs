@@ -1,10 +1,10 @@
 //! Reader of motion files: from TOML text to a [`Motion`] for a given robot (docs/motion-files.md).
 
 use super::phases::CYCLES;
-use super::{ContactMargins, Ends, Footing, FreeTimes, Goal, Motion, Reserve, Timing};
+use super::{ContactMargins, Ends, Footing, FreeTimes, Goal, LONGEST_S, Motion, Reserve, Timing};
 use super::{choreography_check, choreography_file, footfall, lying, wheels};
 use rollwalk_multibody::ground::Terrain;
-use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
+use rollwalk_protocol::library::{MAX_NAME, RATE_HZ};
 use rollwalk_protocol::names;
 use rollwalk_protocol::text::{Printable, is_plain_name};
 use rollwalk_robot::Robot;
@@ -336,8 +336,7 @@ pub(crate) fn steps(
 fn duration(table: &Table<'_>) -> Option<f64> {
     const KEY: &str = "duration_s";
     let rate = f64::from(RATE_HZ);
-    let longest = f64::from(MAX_CLIP_FRAMES) / rate;
-    let given = table.number_in(KEY, 0.1..=longest, "s")?;
+    let given = table.number_in(KEY, 0.1..=LONGEST_S, "s")?;
     let frames = given * rate;
     let nearest = frames.round() / rate;
     // Half a unit of the fourth decimal, with a margin for its floating-point rounding.
@@ -435,9 +434,13 @@ fn check_swings(table: &Table<'_>, stance: &[Vec<bool>], height_m: f64, robot: &
             let problem =
                 format!("give `{}` a swing of {shortest} of {} samples", foot.name, column.len());
             let needed = (column.len() * SWING_SAMPLES_MIN).div_ceil(shortest);
+            let more = if needed <= SAMPLES_MAX as usize {
+                format!("set `samples` to {needed} or more")
+            } else {
+                "give fewer cycles".to_owned()
+            };
             let help = format!(
-                "lengthen the swing to {SWING_SAMPLES_MIN} samples, or better to 5, or set \
-                 `samples` to {needed} or more"
+                "lengthen the swing to {SWING_SAMPLES_MIN} samples, or better to 5, or {more}"
             );
             fault(problem, "too short to lift a foot", &help);
         }
@@ -490,8 +493,13 @@ fn check_goal(root: &Table<'_>, motion: &Motion, robot: &Robot) {
                     motion.duration_s, foot.name
                 );
                 // The lean of the body is only a bound for fully extended legs, not an estimate.
+                let change = if needed_s < LONGEST_S {
+                    "a longer duration".to_owned()
+                } else {
+                    format!("a nearer goal, because a motion takes at most {LONGEST_S} s")
+                };
                 let help = format!(
-                    "give a longer duration: rolling {distance_m} m takes at least {:.2} s at {speed_m_s:.3} m/s \
+                    "give {change}: rolling {distance_m} m takes at least {:.2} s at {speed_m_s:.3} m/s \
                      (radius × speed limit), plus time to start and stop; a body that leans forward saves a \
                      little",
                     distance_m / speed_m_s

@@ -26,9 +26,13 @@ pub use patterns::{Pattern, PatternKind};
 pub use timing::{FreeTimes, Timing};
 
 use rollwalk_multibody::ground::Terrain;
+use rollwalk_protocol::library::{MAX_CLIP_FRAMES, RATE_HZ};
 use rollwalk_robot::Robot;
 use serde::{Deserialize, Serialize};
 use std::fmt;
+
+/// Longest duration of a motion, s.
+pub const LONGEST_S: f64 = MAX_CLIP_FRAMES as f64 / RATE_HZ as f64;
 
 /// Motion goal, resolved against a robot. Robot and motion determine the optimisation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

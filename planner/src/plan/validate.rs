@@ -6,9 +6,9 @@ mod ends;
 use super::json::JSON;
 use super::{EndEffectorSample, FORMAT, Plan, PlanError, Sample, Status, VERSION};
 use crate::families::{AGREEMENT, Kind};
-use crate::motion::{Ends, Reserve, Subject};
+use crate::motion::{Ends, LONGEST_S, Reserve, Subject};
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
-use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
+use rollwalk_protocol::library::MAX_NAME;
 use rollwalk_protocol::text::{Printable, is_plain_name};
 use std::fmt::Display;
 
@@ -132,9 +132,8 @@ impl Plan {
             )?;
         }
         let duration_s = self.motion.duration_s;
-        let longest_s = f64::from(MAX_CLIP_FRAMES) / f64::from(RATE_HZ);
-        let of_motion = duration_s > 0.0 && duration_s <= longest_s;
-        let expected = format!("a time above 0 s and at most {longest_s:.2} s");
+        let of_motion = duration_s > 0.0 && duration_s <= LONGEST_S;
+        let expected = format!("a time above 0 s and at most {LONGEST_S:.2} s");
         at.of("motion.duration_s").holds(of_motion, duration_s, expected)?;
         let intervals = match self.motion.ends {
             Ends::Periodic => count,

@@ -385,7 +385,7 @@ fn goal(robot: &Robot, motion: &Motion) -> Option<Culprit> {
     let size = |number: Option<f64>| number.unwrap_or_default().abs();
     let (family, field, given) =
         numbers.into_iter().max_by(|a, b| size(a.2).total_cmp(&size(b.2)))?;
-    let mobility = Mobility::of(robot, &motion.stance, &motion.goal);
+    let mobility = Mobility::of(robot, &motion.stance, &motion.goal, motion.duration_s);
     given.filter(|given| *given != 0.0).map(|given| Culprit {
         constraint: family,
         part: family.kind(),

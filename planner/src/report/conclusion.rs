@@ -36,8 +36,11 @@ impl fmt::Display for Conclusion<'_> {
                 match &report.taken_back {
                     Some(taken_back) => write!(
                         f,
-                        "{taken_back}. Let feet step or wheels roll to the goal, or request the \
-                         lean with a `[[target]]`"
+                        "{taken_back}. {} to the goal, or request the lean with a `[[target]]`",
+                        match taken_back.field {
+                            "turn_rad" => "Let feet step or joints steer the wheels",
+                            _ => "Let feet step or wheels roll",
+                        }
                     ),
                     None => Ok(()),
                 }

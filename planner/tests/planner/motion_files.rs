@@ -261,6 +261,16 @@ fn every_kind_of_mistake_in_a_motion_file_is_named() {
             (gait + 3, "row `rear_right` is not a footfall pattern", "# for stance"),
         ],
     );
+    // A swing of 1 of 300 samples has 3 samples only with 900, and a motion has at most 480.
+    let brief = format!("{}.", "#".repeat(299));
+    let rows = ["front_left", "front_right", "rear_left", "rear_right"];
+    let rows = rows.map(|foot| format!("{foot} = \"{brief}\"")).join("\n");
+    let text = WALK.replace("gait = \"walk\"\nduty = 0.8", &rows);
+    let faults =
+        Motion::from_toml("m.toml", &text.replace("samples = 32", "samples = 300"), &agilebot());
+    let faults = faults.unwrap_err();
+    let advised = |of: &str| faults.faults().any(|fault| fault.help.contains(of));
+    assert!(advised("or better to 5, or give fewer cycles"), "{faults:?}");
     let air = "front_left = \"..\"\nfront_right = \"..\"\nrear_left = \"..\"\nrear_right = \"..\"";
     assert_faults(hand(air), &[(footfalls, "no foot in stance", "with # for stance")]);
     // A leap with all feet in the air for a while is allowed.
@@ -288,6 +298,15 @@ fn goals_out_of_reach_are_rejected_before_the_optimiser_tries() {
             "2.5 s for a distance of 4 m on the wheel of `front_left`",
             "takes at least 11.68 s at",
         )],
+    );
+    // At 0.25 m/s, 20 m take 80 s.
+    let far = short.replace("forward_m = 4.0", "forward_m = 20.0");
+    let text = include_str!("../../../shipped/robots/agilebot.toml");
+    let slow = text.replace("speed_max_rad_s = 6.85", "speed_max_rad_s = 5.0");
+    let slow = Robot::from_toml("slow.toml", &slow).unwrap();
+    assert_faults(
+        Motion::from_toml("m.toml", &far, &slow),
+        &[(duration, "2.5 s for a distance of 20 m", "a motion takes at most 60 s: rolling")],
     );
     let error = Motion::from_toml("m.toml", DRIVE, &creature3()).unwrap_err();
     let first = error.faults().next().unwrap();

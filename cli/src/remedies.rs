@@ -1,0 +1,40 @@
+//! Changes that may help a motion to pass the simulation, within the limits of a motion file.
+
+use rollwalk_planner::plan::Plan;
+use rollwalk_robot::Robot;
+
+/// Changes of the motion and the robot of a plan that may help.
+pub fn of_plan(plan: &Plan) -> String {
+    let Plan { robot, motion, .. } = plan;
+    let steps = motion.stance.iter().flatten().any(|stands| !stands);
+    let duty = steps.then_some("a larger `duty`");
+    let of_motion = motion.changes_within_limits().into_iter().chain(duty).map(str::to_owned);
+    let servos = (!robot.joints.is_empty()).then(|| of_servos(robot));
+    of_motion.chain(servos).collect::<Vec<_>>().join(", ")
+}
+
+/// Changes of the servos that may help.
+pub fn of_servos(robot: &Robot) -> String {
+    match robot.joint_lag_s() {
+        None => "stiffer servos".to_owned(),
+        Some(lag_s) => format!(
+            "a larger `kp_nm_rad` or a smaller `kd_nm_s_rad` (the servos accept no speed, so that joints lag by kd / kp = {:.1} ms), `rollwalk retarget`",
+            1e3 * lag_s
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn joints_whose_servos_accept_no_speed_lag_by_kd_over_kp() {
+        let robot = |text: &str| Robot::from_toml("robot.toml", text).unwrap();
+        let agilebot = robot(include_str!("../../shipped/robots/agilebot.toml"));
+        assert_eq!(of_servos(&agilebot), "stiffer servos");
+        // Dynamixel servos with kp = 15 N·m/rad and kd = 0.15 N·m·s/rad.
+        let pup = of_servos(&robot(include_str!("../../shipped/robots/pup_five_bar.toml")));
+        assert!(pup.contains("lag by kd / kp = 10.0 ms"), "{pup}");
+    }
+}
