@@ -3,10 +3,8 @@
 //!
 //! A library contains only set-points. The build therefore caches a summary of its plans, beside the names of its motions.
 
-mod net;
 mod simulated;
 
-pub use net::undone_goals;
 pub use simulated::{Simulation, simulate};
 
 use rollwalk_physics::world::NetDisplacement;

@@ -2,12 +2,16 @@
 
 use crate::cmd::robot::print_robot_warnings;
 use crate::planned;
+use crate::remedies;
 use crate::signing;
+use rollwalk_planner::motion::Ends;
+use rollwalk_planner::report::{Report, UndoneGoal};
 use rollwalk_planner::start::closed_way;
+use rollwalk_robot::Robot;
 use rollwalk_terminal::files::Output;
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::names;
-use rollwalk_terminal::planning::{PlanOutcome, Plans, plan_all};
+use rollwalk_terminal::planning::{PlanOutcome, Plans, TimedPlan, plan_all};
 use rollwalk_terminal::validated_library::ValidatedLibrary;
 use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;
@@ -59,7 +63,7 @@ struct BuildOutput<'a> {
     plans: Vec<PlanOutcome<'a>>,
     /// Motions and transitions in the order of simulation; null without a simulation.
     simulation: Option<&'a planned::Simulation>,
-    /// Messages about goals of motions at rest that the next transition would undo.
+    /// Messages about goals of motions at rest that the next transition would partly undo.
     taken_back: Vec<String>,
 }
 
@@ -90,7 +94,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         return Ok(Exit::Interrupted);
     }
     let holds = converged && simulation.as_ref().is_none_or(|run| run.misses().is_empty());
-    let taken_back = planned::undone_goals(&plans);
+    let taken_back = undone_goals(&plans);
     if let Some(packed) = packed.filter(|_| holds) {
         match &key {
             Some(key) => place.write(&signing::signed(&bytes, key))?,
@@ -113,12 +117,24 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         })?;
     } else {
         output::print_warnings(&taken_back);
-        place.comment(&describe(&plans, simulation.as_ref(), written, bytes.len()))?;
+        let described = describe(&library.robot, &plans, simulation.as_ref(), written, bytes.len());
+        place.comment(&described)?;
     }
     Ok(if holds { Exit::Ok } else { Exit::DoesNotHold })
 }
 
+/// Messages about goals of motions at rest that feet and wheels do not meet, as in the report of the plan.
+fn undone_goals(plans: &Plans) -> Vec<String> {
+    let at_rest = plans.motions.iter().filter(|of| of.plan.motion.ends == Ends::AtRest);
+    let undone = |motion: &TimedPlan| {
+        let undone = Report::new(&motion.plan).taken_back.filter(UndoneGoal::is_said)?;
+        Some(format!("{}: {undone}", motion.plan.motion.name))
+    };
+    at_rest.filter_map(undone).collect()
+}
+
 fn describe(
+    robot: &Robot,
     plans: &Plans,
     simulation: Option<&planned::Simulation>,
     written: Option<&PathBuf>,
@@ -129,9 +145,10 @@ fn describe(
     match written {
         None if !misses.is_empty() => format!(
             "{simulated}{}\nnothing written; examine a single motion with `rollwalk plan` and \
-             `rollwalk simulate`. A larger `duty`, a longer duration, stiffer servos or slower \
+             `rollwalk simulate`. A larger `duty`, a longer duration, {} or slower \
              transitions may help. If a motion needs feedback, give the reason in `needs_feedback` of its file; `--no-simulation` skips this check",
-            misses.join("\n")
+            misses.join("\n"),
+            remedies::of_servos(robot)
         ),
         Some(path) => format!(
             "{simulated}wrote {}: {} motions, {} transitions, {bytes} B",
