@@ -2,7 +2,7 @@
 
 mod gaits;
 
-use super::robot::print_robot_warnings;
+use super::{control, robot::print_robot_warnings};
 use crate::remedies;
 use gaits::{GaitSearch, RankedPattern};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -412,9 +412,13 @@ impl<'a> PlanResult<'a> {
             ),
             Some(path) if !holds => format!(
                 "wrote {0}; record the simulated motion with `rollwalk simulate {0} --world-log \
-                 RUN.csv`. What may help: {1}, or feedback (`rollwalk simulate {0} --tracking`)",
+                 RUN.csv`. What may help: {1}{2}",
                 path.display(),
                 remedies::of_plan(plan),
+                control::check(&plan.robot).map_or(String::new(), |()| format!(
+                    ", or feedback (`rollwalk simulate {} --tracking`)",
+                    path.display()
+                )),
             ),
             Some(path) => format!("wrote {}", path.display()),
             None => "nothing written".to_owned(),
