@@ -326,7 +326,7 @@ mod tests {
 
     #[test]
     fn a_limit_beyond_all_drives_stays_below_the_largest_when_written() {
-        for (max, expected) in [(160.0, 160.0), (4324.851_387_999_997, 4324.851)] {
+        for (max, expected) in [(160.0, 160.0), (4_324.851_387_999_997, 4_324.851)] {
             let (taken, remark) = TORQUE.settle(Some(1e6), None, 1.0, max);
             assert_eq!(taken, expected);
             assert!(remark.unwrap().contains("the largest value of a drive"));
