@@ -13,7 +13,8 @@ pub const WORKSPACES: [&str; 6] = [
 ];
 
 /// Checks that each lock file follows the manifests. A dependency that a crate gains or loses changes the locks of all workspaces
-/// that use the crate; the test command builds some of these workspaces only when their folders have changed.
+/// that use the crate; the test command builds some of these workspaces only when their folders have changed. Cargo downloads
+/// the dependencies of all workspaces for the check.
 ///
 /// # Errors
 /// Returns an error that names the outdated lock files, with the commands that update them.
@@ -26,9 +27,12 @@ pub fn check() -> Result<(), String> {
         .iter()
         .filter_map(|manifest| {
             let why = outdated(manifest)?;
-            Some(format!(
-                "{manifest}: {why}\n    cargo update --workspace --manifest-path {manifest}"
-            ))
+            let remedy = if why.contains("lock file") {
+                format!("\n    cargo update --workspace --manifest-path {manifest}")
+            } else {
+                String::new()
+            };
+            Some(format!("{manifest}: {why}{remedy}"))
         })
         .collect();
     if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }

@@ -131,12 +131,14 @@ impl Design {
     /// Plan all motions of the design, and compute the derivatives of the optimal plans with respect to all parameters (thesis
     /// 2.5.1).
     ///
-    /// :param objectives: names of the objectives to differentiate, see `Gradients`. :param features: names of the features to
-    /// differentiate, see `Gradients`. :param values: values of parameters by name, in their units; other parameters keep the
-    /// values of the robot file. :param progress: called with a `Progress`, at most ten times a second. An exception of the
-    /// callback ends the work. :returns: the derivatives of each motion, in the order of the design file. :raises RollwalkError:
-    /// a name is unknown, or a plan has no derivatives. :raises NotConsistent: the robot cannot perform a motion. :raises
-    /// KeyboardInterrupt: Ctrl-C was pressed; takes effect within an iteration.
+    /// :param objectives: names of the objectives to differentiate, see `Gradients`.
+    /// :param features: names of the features to differentiate, see `Gradients`.
+    /// :param values: values of parameters by name, in their units; other parameters keep the values of the robot file.
+    /// :param progress: called with a `Progress`, at most ten times a second. An exception of the callback ends the work.
+    /// :returns: the derivatives of each motion, in the order of the design file.
+    /// :raises RollwalkError: a name is unknown, or a plan has no derivatives.
+    /// :raises NotConsistent: the robot cannot perform a motion.
+    /// :raises KeyboardInterrupt: Ctrl-C was pressed; takes effect within an iteration.
     #[pyo3(signature = (objectives = Vec::new(), features = Vec::new(), *, values = HashMap::new(), progress = None))]
     fn gradients(
         &self,

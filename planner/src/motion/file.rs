@@ -437,7 +437,7 @@ fn check_swings(table: &Table<'_>, stance: &[Vec<bool>], height_m: f64, robot: &
             let more = if needed <= SAMPLES_MAX as usize {
                 format!("set `samples` to {needed} or more")
             } else {
-                "give fewer cycles".to_owned()
+                "let the feet swing less often".to_owned()
             };
             let help = format!(
                 "lengthen the swing to {SWING_SAMPLES_MIN} samples, or better to 5, or {more}"

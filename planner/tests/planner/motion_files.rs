@@ -270,7 +270,7 @@ fn every_kind_of_mistake_in_a_motion_file_is_named() {
         Motion::from_toml("m.toml", &text.replace("samples = 32", "samples = 300"), &agilebot());
     let faults = faults.unwrap_err();
     let advised = |of: &str| faults.faults().any(|fault| fault.help.contains(of));
-    assert!(advised("or better to 5, or give fewer cycles"), "{faults:?}");
+    assert!(advised("or better to 5, or let the feet swing less often"), "{faults:?}");
     let air = "front_left = \"..\"\nfront_right = \"..\"\nrear_left = \"..\"\nrear_right = \"..\"";
     assert_faults(hand(air), &[(footfalls, "no foot in stance", "with # for stance")]);
     // A leap with all feet in the air for a while is allowed.

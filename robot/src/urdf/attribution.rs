@@ -45,7 +45,8 @@ fn value_of(text: &str, table: &Span, key: &str) -> Option<Span> {
     let line = rest.find('\n').unwrap_or(rest.len());
     let is_inline = rest[..line].contains('{');
     let end = if is_inline { line } else { rest.find("\n[").unwrap_or(rest.len()) };
-    let is_start = |at: usize| rest[..at].ends_with(['\n', ' ', '\t', ',', '{']);
+    let is_comment = |at: usize| rest[..at].rsplit('\n').next().is_some_and(|of| of.contains('#'));
+    let is_start = |at: usize| rest[..at].ends_with(['\n', ' ', '\t', ',', '{']) && !is_comment(at);
     let found = rest[..end].match_indices(key).filter(|(at, _)| is_start(*at));
     found.filter_map(|(at, _)| rest[at + key.len()..end].trim_start().strip_prefix('=')).next().map(
         |value| {
@@ -64,7 +65,7 @@ mod tests {
 
     #[test]
     fn values_are_found_in_their_table() {
-        let text = "[joint]\nhip = { nominal_rad = 0.7, bus = 1 } # bus = 2\n\n[[end_effector]]\nname = \"a\"\nradius_m = 20.0 # m\n\n[[end_effector]]\nradius_m = 3\n";
+        let text = "[joint]\nhip = { nominal_rad = 0.7, bus = 1 } # bus = 2\n\n[[end_effector]]\nname = \"a\"\n# radius_m = 2\nradius_m = 20.0 # m\n\n[[end_effector]]\nradius_m = 3\n";
         let of = |table: &str, key| {
             let start = text.find(table).unwrap();
             value_of(text, &(start..start + table.len()), key).map(|span| &text[span])

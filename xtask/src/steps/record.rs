@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 /// Steps of a command that have passed at the current commit, with their seconds.
 pub struct Record {
-    /// Folder with one file a step; `None` if the working tree differs from its commit.
+    /// Folder with one file a step, named after the commit; `None` if the working tree differs from its commit.
     folder: Option<PathBuf>,
 }
 
@@ -24,9 +24,11 @@ impl Record {
         fs::read_to_string(self.folder.as_ref()?.join(step)).ok()?.trim().parse().ok()
     }
 
-    /// Adds a step that has passed. Without a writable target folder, the step is repeated next time.
+    /// Adds a step that has passed, unless files or the commit have changed since the record was opened. Without a writable
+    /// target folder, the step is repeated next time.
     pub fn add(&self, step: &str, seconds: f64) {
-        if let Some(folder) = &self.folder {
+        let is_same = |folder: &PathBuf| commit().is_some_and(|commit| folder.ends_with(commit));
+        if let Some(folder) = self.folder.as_ref().filter(|folder| is_same(folder)) {
             let written = fs::create_dir_all(folder)
                 .and_then(|()| fs::write(folder.join(step), format!("{seconds:.1}\n")));
             if let Err(error) = written {
@@ -48,15 +50,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_has_passed_is_known_to_the_next_run() {
-        let folder = shell::target_folder().join("steps").join("record-of-the-test");
-        let _ = fs::remove_dir_all(&folder);
-        let record = |folder| Record { folder };
-        record(Some(folder.clone())).add("one", 12.34);
-        assert_eq!(record(Some(folder.clone())).passed("one"), Some(12.3));
-        assert_eq!(record(Some(folder.clone())).passed("two"), None);
-        record(None).add("one", 1.0);
-        assert_eq!(record(None).passed("one"), None);
-        fs::remove_dir_all(folder).unwrap();
+    fn what_has_passed_at_this_commit_is_known_to_the_next_run() {
+        let all = shell::target_folder().join("steps").join("record-of-the-test");
+        let _ = fs::remove_dir_all(&all);
+        let record = |commit: &str| Record { folder: Some(all.join(commit)) };
+        // A working tree with other files has no commit, and records nothing.
+        let now = commit();
+        let here = record(now.as_deref().unwrap_or("none"));
+        here.add("one", 12.34);
+        assert_eq!(here.passed("one"), now.map(|_| 12.3));
+        assert_eq!(here.passed("two"), None);
+        let other = record("0123456789");
+        other.add("one", 12.34);
+        assert_eq!(other.passed("one"), None);
+        let none = Record { folder: None };
+        none.add("one", 1.0);
+        assert_eq!(none.passed("one"), None);
+        let _ = fs::remove_dir_all(all);
     }
 }

@@ -50,7 +50,7 @@ impl RankedPattern {
             motion_keys: kind.footfall_keys().zip(plan.as_ref()).map(|(footfalls, plan)| {
                 let Motion { duration_s, swing_height_m, stance, .. } = &plan.motion;
                 format!(
-                    "duration_s = {duration_s:.3}, swing_height_m = {swing_height_m:.3}, samples = {}, and \
+                    "duration_s = {duration_s:.4}, swing_height_m = {swing_height_m:.3}, samples = {}, and \
                      [footfalls] with {footfalls}",
                     stance.len()
                 )
