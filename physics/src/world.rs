@@ -109,7 +109,7 @@ impl World {
         let mut world = Self::new(robot, ground, parameters, &state);
         // Shifts along the vertical, repeatedly because the ground may be uneven.
         for _ in 0..20 {
-            state.base_position_m.z -= lowest_m(world.foot_touches());
+            state.base_position_m.z -= lowest_m(world.foot_touches()).unwrap_or(0.0);
             world = Self::new(robot, ground, parameters, &state);
         }
         let nominal = robot.transmission().motors(&state.joint_rad);
@@ -238,9 +238,9 @@ impl World {
         (0..self.contacts.len()).map(|end_effector| self.touch(end_effector))
     }
 
-    /// Height of the lowest foot, wheel or link above the ground, m.
+    /// Height of the lowest foot, wheel or link above the ground, m; 0 if only walls are near.
     pub fn clearance_m(&self) -> f64 {
-        lowest_m(self.foot_touches().chain(self.shape_touches()))
+        lowest_m(self.foot_touches().chain(self.shape_touches())).unwrap_or(0.0)
     }
 
     /// Force of the ground on link shapes, N. Nonzero only if the robot lies on the ground.
@@ -256,11 +256,9 @@ impl World {
         on_body / (mass_kg * GRAVITY_M_S2)
     }
 
-    /// Height of body and upper limbs above the ground, m; `None` if they have no shapes.
+    /// Height of body and upper limbs above the ground, m; `None` if they have no shapes or only walls are near.
     pub(crate) fn body_clearance_m(&self) -> Option<f64> {
-        let mut touches = self.body_touches().peekable();
-        touches.peek()?;
-        Some(lowest_m(touches))
+        lowest_m(self.body_touches())
     }
 
     /// Largest depth of the robot in the ground, m; 0 if it is above the ground.
@@ -354,12 +352,12 @@ impl World {
 const STEEPEST: f64 = 0.1;
 
 /// Smallest vertical distance of the contact points from the ground, m. Walls are ignored, unless the robot has penetrated
-/// them. Returns 0 if no contact point counts.
-fn lowest_m(touches: impl Iterator<Item = Touch>) -> f64 {
+/// them. Returns `None` if no contact point counts.
+fn lowest_m(touches: impl Iterator<Item = Touch>) -> Option<f64> {
     let height = |touch: Touch| match touch.normal.z > STEEPEST || touch.gap_m < 0.0 {
         true => touch.gap_m / touch.normal.z.max(STEEPEST),
         false => f64::INFINITY,
     };
     let lowest = touches.map(height).fold(f64::INFINITY, f64::min);
-    if lowest.is_finite() { lowest } else { 0.0 }
+    lowest.is_finite().then_some(lowest)
 }

@@ -353,4 +353,17 @@ mod tests {
         // A robot that begins on its body may lie there.
         assert_eq!(fell_at_s(0.0, false), None);
     }
+
+    #[test]
+    fn a_robot_beside_a_wall_does_not_begin_on_its_body() {
+        let text = include_str!("../../../shipped/robots/car.toml");
+        let robot = Robot::from_toml("car.toml", text).unwrap();
+        let state = RobotState::nominal(&robot, Vector3::new(-1.0, 0.0, 0.3));
+        for (angle_rad, clearance_is_known) in [(0.5, true), (1.5, false)] {
+            let ground: Arc<dyn Ground> = Arc::new(Plane::rising(angle_rad));
+            let world = World::new(&robot, &ground, &Parameters::new(&robot), &state);
+            assert_eq!(world.body_clearance_m().is_some(), clearance_is_known);
+            assert!(!FallWatch::new(&world, &ground).began_on_body, "{angle_rad}");
+        }
+    }
 }
