@@ -15,6 +15,7 @@
 //! | `attempt` | solves from one start, or from the plan with half the samples |
 //! | `refine` | solves with more samples if a plan fails the checks as played |
 //! | `trials`, `feasibility` | solves with the values that a diagnosis suggests |
+//! | `remedy` | advice for a plan that fails its checks |
 //! | `search` | attempts from all starts of a motion |
 //! | `replan`, `editing`, `transition`, `batch` | other entry points for callers |
 
@@ -26,6 +27,7 @@ mod feasibility;
 mod neighbour;
 mod probed_solve;
 pub(crate) mod refine;
+mod remedy;
 mod replan;
 mod request;
 mod search;

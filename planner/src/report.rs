@@ -20,7 +20,6 @@ mod grid;
 mod judgement;
 mod motors;
 mod net;
-mod remedy;
 mod residual;
 mod rows;
 mod sag;

@@ -494,7 +494,7 @@ fn readings(rig: &mut Rig, ticks: u32) -> Vec<ActuatorReadings> {
 fn temperature_and_voltage_are_told_of_those_that_report_them() {
     for (protocol, temperature_c, voltage_v) in [
         (dynamixel(), Some(35.0), Some(12.0)),
-        (feetech(), Some(35.0), Some(7.4)),
+        (feetech(), Some(35.0), Some(12.0)),
         (cybergear(), Some(25.0), None),
         (mit(0, AnswerId::Own), Some(30.0), None),
         (Protocol::Rollwalk, None, None),

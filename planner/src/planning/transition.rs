@@ -127,6 +127,8 @@ pub fn optimise_transition(
         let [low_mm, high_mm] = stance_heights_m(plan, time_s).map(|height_m| 1e3 * height_m);
         if high_mm - low_mm > LEVEL_MM {
             let (name, motion) = (motion.name.clone(), plan.motion.name.clone());
+            // Adding 0 turns -0 into 0.
+            let [low_mm, high_mm] = [low_mm, high_mm].map(|mm| mm.round() + 0.0);
             return Err(TransitionError::Uneven { name, motion, low_mm, high_mm });
         }
     }

@@ -1,10 +1,10 @@
 //! Remedies for a plan that does not meet its request, within the limits of a motion file.
 
-use super::{Judgement, Report};
 use crate::diagnose::{Mobility, one_of};
 use crate::motion::file::SAMPLES_MAX;
 use crate::motion::{LONGEST_S, Motion};
 use crate::plan::Plan;
+use crate::report::{Judgement, Report};
 
 impl Report {
     /// Remedy for the residual that failed worst, or general ones if its family has no advice. `None` if the plan is good, or if
