@@ -244,6 +244,14 @@ impl Footing {
         matches!(self, Self::Terrain(maps) if self.has_edges() && maps.rolled[j].is_none())
     }
 
+    /// Vertical height of a point above the ground itself, m. Behind the face of a step, the ground is its tread.
+    pub fn height_above_m(&self, point: &Vector3<f64>) -> f64 {
+        match self {
+            Self::Smooth(map) => map.height_above_m(point),
+            Self::Terrain(maps) => point.z - maps.terrain.height_m(&point.xy()),
+        }
+    }
+
     /// First-order distance of a point from the ground, m, and its gradient.
     pub fn distance(&self, point: &Vector3<f64>) -> (f64, Vector3<f64>) {
         match self {
@@ -420,6 +428,17 @@ mod tests {
             let found_m = patch.plane.at(&place.push(0.0)).height_m;
             assert!((found_m - height_m).abs() < 1e-12, "{near_m}: {found_m}");
         }
+    }
+
+    #[test]
+    fn a_point_behind_the_face_of_a_step_is_below_its_tread() {
+        let ground = stepping("heading_deg = 90\n[step]\nat_x_m = 0.3\nheight_m = 0.05");
+        for (y_m, height_m) in [(0.303, -0.04), (0.297, 0.01)] {
+            let found_m = ground.height_above_m(&Vector3::new(0.7, y_m, 0.01));
+            assert!((found_m - height_m).abs() < 1e-12, "{y_m}: {found_m}");
+        }
+        let (distance_m, _) = ground.distance(&Vector3::new(0.7, 0.303, 0.01));
+        assert!((distance_m + 0.003).abs() < 1e-12, "{distance_m}");
     }
 
     #[test]

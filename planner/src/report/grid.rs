@@ -145,10 +145,10 @@ impl<'a> State<'a> {
         self.contact(j).z - self.frames[j].ground.height_m
     }
 
-    /// Depth of the contact point of end effector `j` below the ground itself, m; 0 above it. The envelope of swings, a margin of
-    /// the planner, is above the ground on ramps, also at lift-off and touch-down.
+    /// Vertical depth of the contact point of end effector `j` below the ground itself, m; 0 above it. The envelope of swings, a
+    /// margin of the planner, is above the ground on ramps, also at lift-off and touch-down.
     pub fn depth_m(&self, j: usize) -> f64 {
-        (-self.ground.distance(&self.contact(j)).0).max(0.0)
+        (-self.ground.height_above_m(&self.contact(j))).max(0.0)
     }
 
     /// Ground force on end effector `j`, N.

@@ -46,4 +46,10 @@ fn a_ramp_is_walked_up_and_an_edge_in_its_place_is_cut() {
     let report = Report::new(&plan);
     let [depth_mm, tolerance_mm] = self::depth_mm(&report);
     assert!(depth_mm > 2.0 * tolerance_mm, "{report}");
+    // A foot just behind the face of the riser is as deep as it is below the tread.
+    let feet = plan.samples.iter().flat_map(|sample| &sample.end_effectors);
+    let behind = feet.filter(|foot| !foot.contact && foot.position_m[0] > 0.25);
+    let deepest_mm = behind.map(|foot| 1e3 * (0.04 - foot.position_m[2])).fold(0.0, f64::max);
+    let row = report.row(Family::SwingDepth, Grid::Samples).expect("feet swing");
+    assert!((row.worst - deepest_mm).abs() < 1e-9, "{} mm, not {deepest_mm} mm", row.worst);
 }
