@@ -9,6 +9,7 @@ use super::quantity::{Quantity, SimulationModel};
 use super::recording::{Recording, SHORTEST_S};
 use super::rollout::Replay;
 use super::search::Search;
+use super::series::Series;
 use super::start::Start;
 use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_robot::Robot;
@@ -174,9 +175,9 @@ pub fn predict(
     Ok(played.map(|played| Quality::of(played.misses(), quarter, replay.steps)))
 }
 
-/// Resamples a recording on a grid of steps.
+/// Resamples a recording on a grid of steps. Drops commanded speeds that the servos of the robot do not take.
 pub(super) fn replay(
-    recording: Recording,
+    mut recording: Recording,
     file: &SimulationModel,
     options: &Options,
 ) -> Result<Replay, FitError> {
@@ -193,6 +194,11 @@ pub(super) fn replay(
         step_s = 1.0 / else_hz;
     }
     let steps = ((end_s - begin_s) / step_s + 1e-3) as usize;
+    for (drive, channel) in recording.drives.iter_mut().zip(file.robot.channels()) {
+        if !file.robot.takes_speed(&channel) {
+            drive.target_rad_s = Series::default();
+        }
+    }
     let start = Start::of(&recording, file);
     let ground: Arc<dyn Ground> = Arc::new(Plane::level());
     let steps = steps.min(options.steps_max);

@@ -20,9 +20,13 @@ const STEP_S: f64 = 1.0 / 120.0;
 /// Number of simulation steps in a row, equal to that of a fit.
 const PARTS: usize = 2;
 
+fn shipped(name: &str) -> Robot {
+    let path = format!("{}/../../shipped/robots/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    Robot::from_toml(name, &std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
 fn agilebot() -> Robot {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shipped/robots/agilebot.toml");
-    Robot::from_toml("agilebot", &std::fs::read_to_string(path).unwrap()).unwrap()
+    shipped("agilebot")
 }
 
 /// Noise with standard deviation 1 from a seed.
@@ -69,6 +73,7 @@ fn recording(model: &SimulationModel, steps: usize, mut noise: impl FnMut() -> f
                 let share = part as f64 / PARTS as f64;
                 let between = |k: usize| before[k] + share * (now[k] - before[k]);
                 let [position_rad, speed_rad_s] = if part == 0 { now } else { [0, 1].map(between) };
+                let speed_rad_s = if robot.takes_speed(&kind) { speed_rad_s } else { 0.0 };
                 world.set_law(channel, Law { position_rad, speed_rad_s, ..servos[channel] });
             }
             if part > 0 {
@@ -249,6 +254,33 @@ fn derivatives_by_quantities_are_those_of_finite_differences() {
     agree(recording, &model, &quantities);
 }
 
+/// Replays a run with commanded speeds on servos that accept no speed of joints.
+#[test]
+fn speeds_that_servos_do_not_take_have_no_effect() {
+    let mut robot = agilebot();
+    let bus = shipped("pup").buses[&0];
+    let numbers: Vec<_> = robot.channels().map(|channel| channel.actuator().bus).collect();
+    robot.buses.extend(numbers.into_iter().map(|number| (number, bus)));
+    let delay = Quantity { kind: Kind::Delay, group: None };
+    let model = SimulationModel { delay_s: 0.0047, ..SimulationModel::new(&robot) };
+    let joints = robot.joints.len();
+    let silent = recording(&SimulationModel::new(&robot), 60, || 0.0);
+    let mut commanded = silent.clone();
+    for (number, drive) in (0..).zip(&mut commanded.drives[..joints]) {
+        let wave = |step| (f64::from(step) * STEP_S, f64::from(step + number).sin());
+        drive.target_rad_s = Series::new((0..=60).map(wave));
+    }
+    let misses = |recording: &Recording, robot: &Robot| {
+        let model = SimulationModel { delay_s: 0.0047, ..SimulationModel::new(robot) };
+        let replay = replay(recording.clone(), &model, &Options::default()).unwrap();
+        let changes = vec![0.0; replay.start.count()];
+        replay.play(&model, &changes, &[], false, 20).unwrap().weighted(&[1.0; 6]).0
+    };
+    assert_eq!(misses(&commanded, &robot), misses(&silent, &robot));
+    assert_ne!(misses(&commanded, &agilebot()), misses(&silent, &agilebot()));
+    agree(commanded, &model, &[delay]);
+}
+
 /// Checks the derivatives of a rollout with respect to quantities and start state.
 fn agree(recording: Recording, model: &SimulationModel, quantities: &[Quantity]) {
     let replay = replay(recording, model, &Options::default()).unwrap();
@@ -291,8 +323,7 @@ fn agree(recording: Recording, model: &SimulationModel, quantities: &[Quantity])
 
 #[test]
 fn soft_feet_have_derivatives_by_all_but_their_links_masses() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shipped/robots/legbot.toml");
-    let mut robot = Robot::from_toml("legbot", &std::fs::read_to_string(path).unwrap()).unwrap();
+    let mut robot = shipped("legbot");
     for foot in &mut robot.end_effectors {
         foot.soft = Some(SoftMaterial {
             young_pa: 3e5,
