@@ -39,7 +39,7 @@ fn run(
         let spacing_s = steps as f64 * STEP_S / (knots - 1) as f64;
         let curve =
             Curve { begin_s: 0.0, spacing_s, knots, degree: Degree::Cubic, periodic: false };
-        let parameters = Control::of_all(&motors[..joints], &Arc::new(curve));
+        let parameters = Control::of_all(&motors[..joints], &vec![true; joints], &Arc::new(curve));
         Recorder::new(world.system(), parameters)
     });
     for step in 1..=steps {

@@ -193,12 +193,12 @@ fn rollout(
     let (mut world, _) = begin(script, robot, &ground, &Parameters::new(robot));
     let mut fall_watch = FallWatch::new(&world, &ground);
     let curves: Vec<_> = (0..joints).map(|joint| of_joint(knots, joints, joint)).collect();
-    let parameters = Control::of_all(&world.motors()[..joints], curve);
+    let takes_speed: Vec<_> = robot.channels().map(|of| robot.takes_speed(&of)).collect();
+    let parameters = Control::of_all(&world.motors()[..joints], &takes_speed[..joints], curve);
     let mut recorder = Recorder::new(world.system(), parameters);
     let step_s = step_s(script, options.rate_hz);
     let (beats, count) = run_steps(script, options.cycles, step_s);
     let mut planned = Vec::with_capacity(count);
-    let takes_speed: Vec<_> = robot.channels().map(|of| robot.takes_speed(&of)).collect();
     for beat in beats {
         let end_s = world.system().time_s() + step_s;
         for (channel, mut law) in script.laws(beat.time_s).into_iter().enumerate() {

@@ -209,7 +209,7 @@ impl Crouch {
     fn run(&self, offsets: &[f64]) -> Option<Rollout> {
         self.by(offsets, |world| {
             let joints = &world.motors()[..self.robot.joints.len()];
-            Control::of_all(joints, &self.curve)
+            Control::of_all(joints, &vec![true; joints.len()], &self.curve)
         })
     }
 

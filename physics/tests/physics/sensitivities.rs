@@ -489,9 +489,8 @@ fn moving_robot(name: &str, scheme: Scheme, soft: Option<SoftMaterial>, bound: f
         change: Box::new(|_, controls, by| controls[0] += by),
         difference: 1e-6,
     });
-    for (number, parameter) in
-        Control::of_all(&motors[..joints], &curve).into_iter().enumerate().step_by(7)
-    {
+    let targets = Control::of_all(&motors[..joints], &vec![true; joints], &curve);
+    for (number, parameter) in targets.into_iter().enumerate().step_by(7) {
         let change: Change = Box::new(move |_, controls, by| controls[1 + number] += by);
         cases.push(Case { name: format!("target {number}"), parameter, change, difference: 4e-6 });
     }

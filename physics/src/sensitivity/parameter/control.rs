@@ -15,15 +15,22 @@ pub struct Control {
     pub curve: Arc<Curve>,
     /// Index of the knot.
     pub knot: usize,
+    /// True if the speed of the curve is added too. Some servos take no speed.
+    pub takes_speed: bool,
 }
 
 impl Control {
     /// Creates parameters for the knots of several motors' curves: the first knot of each motor, then the second. In this
-    /// order, later targets cost nothing.
-    pub fn of_all(motors: &[usize], curve: &Arc<Curve>) -> Vec<Box<dyn Parameter>> {
+    /// order, later targets cost nothing. Flags of `takes_speed` are set for the motors whose targets have a speed.
+    pub fn of_all(
+        motors: &[usize],
+        takes_speed: &[bool],
+        curve: &Arc<Curve>,
+    ) -> Vec<Box<dyn Parameter>> {
         let of_knot = |knot: usize| {
-            motors.iter().map(move |&motor| -> Box<dyn Parameter> {
-                Box::new(Self { motor, curve: Arc::clone(curve), knot })
+            let targets = motors.iter().zip(takes_speed);
+            targets.map(move |(&motor, &takes_speed)| -> Box<dyn Parameter> {
+                Box::new(Self { motor, curve: Arc::clone(curve), knot, takes_speed })
             })
         };
         (0..curve.knots).flat_map(of_knot).collect()
@@ -33,6 +40,7 @@ impl Control {
 impl Parameter for Control {
     fn residual(&self, solved: &SolvedStep<'_>, column: &mut Column) {
         let [angle, speed] = self.curve.of_knot(self.knot, solved.time_s);
+        let speed = if self.takes_speed { speed } else { 0.0 };
         target_by(solved, self.motor, [angle, speed, 0.0], column);
     }
 }

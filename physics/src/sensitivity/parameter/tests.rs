@@ -308,15 +308,19 @@ fn poses_of_holds_are_derivatives_of_the_residual() {
 fn controls_are_derivatives_of_the_residual_and_nothing_at_a_motors_limit() {
     let curve =
         Curve { begin_s: 0.0, spacing_s: 0.1, knots: 6, degree: Degree::Cubic, periodic: false };
-    for (limit_nm, free) in [(1e3, true), (1e-3, false)] {
+    for (limit_nm, takes_speed, free) in
+        [(1e3, true, true), (1e3, false, true), (1e-3, true, false)]
+    {
         let Scene { mut system, motor, .. } = scene(FrictionModel::Tanh, Law { limit_nm, ..LAW });
         for knot in [2, 4, 5] {
-            let control = Control { motor, curve: Arc::new(curve), knot };
+            let control = Control { motor, curve: Arc::new(curve), knot, takes_speed };
             let [angle, speed] = curve.of_knot(knot, 0.3);
             let change = |system: &mut System, by: f64| {
                 let law = &mut system.force_mut::<Motor>(motor).unwrap().law;
                 law.position_rad += angle * by;
-                law.speed_rad_s += speed * by;
+                if takes_speed {
+                    law.speed_rad_s += speed * by;
+                }
             };
             let moves = agrees(&mut system, &control, 1.0, change);
             assert_eq!(moves, free && knot != 5, "{knot}");
