@@ -62,7 +62,7 @@ pub(super) struct Exchange<B> {
     status_us: Option<u64>,
     /// Address of another controller on the bus.
     other: Option<u8>,
-    /// True if the controller has acknowledged RETURN since the latest command of this session.
+    /// True if the controller has acknowledged RETURN of another program since it acknowledged the latest command.
     was_returned: bool,
 }
 
@@ -90,7 +90,7 @@ impl<B: LinkBus> Exchange<B> {
         self.client.status()
     }
 
-    /// True if the controller has acknowledged RETURN since the latest command of this session.
+    /// True if the controller has acknowledged RETURN of another program since it acknowledged the latest command.
     pub fn was_returned(&self) -> bool {
         self.was_returned
     }
@@ -131,7 +131,6 @@ impl<B: LinkBus> Exchange<B> {
         action: Action,
     ) -> Result<CommandAck, SessionError> {
         let mut expired = 0;
-        self.was_returned = false;
         for _ in 0..SEQUENCE_TRIES {
             let free_us = self.client.next_command_us();
             self.pump(free_us.saturating_sub(self.bus.now_us()), |_| None::<()>)?;
@@ -157,7 +156,11 @@ impl<B: LinkBus> Exchange<B> {
             }
             let ack = answer.ok_or(self.silent(what))?;
             match ack.result {
-                CommandResult::Ok => return Ok(ack),
+                CommandResult::Ok => {
+                    // A RETURN that was acknowledged earlier was executed before this command.
+                    self.was_returned = false;
+                    return Ok(ack);
+                }
                 CommandResult::OutOfOrder => {}
                 // Nothing was executed: on a busy computer, a command may wait half a second.
                 CommandResult::Expired if expired < EXPIRED_TRIES => expired += 1,

@@ -2,6 +2,7 @@
 
 use super::{HELLO_SENDS, HELLO_TIMEOUT_US, Session, SessionError};
 use rollwalk_bus::link::LinkBus;
+use rollwalk_protocol::faults::Event;
 use rollwalk_protocol::wire::transport::{Request, Response};
 use rollwalk_protocol::wire::{Log, LogEntry, State};
 
@@ -23,7 +24,8 @@ impl History {
     /// Entry that explains the latest stop.
     ///
     /// This is the latest entry that led out of Ready, Playing, Paused or Streaming, except from a stream to SAFE. An entry
-    /// that led from Disarmed or Aligning to a stop that must be cleared also counts.
+    /// that led from Disarmed or Aligning to a stop that must be cleared also counts. A command to disarm is no incident and
+    /// does not count.
     pub fn last_stop(&self) -> Option<&LogEntry> {
         let latched = |entry: &LogEntry| {
             matches!(entry.before, State::Disarmed | State::Aligning)
@@ -31,7 +33,8 @@ impl History {
         };
         let stops = |entry: &&LogEntry| {
             let left = follows(entry.before) && !follows(entry.after);
-            left && entry.after != State::Aligning || latched(entry)
+            let is_stop = left && entry.after != State::Aligning || latched(entry);
+            is_stop && entry.event != Event::Disarm.code()
         };
         self.entries.iter().rev().map(|(_, entry)| entry).find(stops)
     }
@@ -69,7 +72,6 @@ impl<B: LinkBus> Session<B> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rollwalk_protocol::faults::Event;
 
     fn entry(at_ms: u32, event: Event, before: State, after: State) -> LogEntry {
         LogEntry {
@@ -106,5 +108,15 @@ mod tests {
         history.entries.push((13, anew));
         assert_eq!(history.last_stop(), Some(&anew));
         assert_eq!(history.age_ms(&first), 31);
+    }
+
+    #[test]
+    fn a_disarm_does_not_hide_an_earlier_stop() {
+        let fault = entry(10, Event::Tipped, State::Playing, State::Damped);
+        let disarm = entry(20, Event::Disarm, State::Ready, State::Returning);
+        let history = History { now_ms: 30, entries: vec![(1, fault), (2, disarm)] };
+        assert_eq!(history.last_stop(), Some(&fault));
+        let history = History { now_ms: 30, entries: vec![(2, disarm)] };
+        assert_eq!(history.last_stop(), None);
     }
 }

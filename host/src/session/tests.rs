@@ -112,6 +112,41 @@ fn a_command_beside_a_host_is_dated_by_its_clock_and_no_heartbeat_goes_out() {
     assert_eq!(command.valid_until_ms, 7050 + 500);
 }
 
+/// The controller executes commands in the order of its answers.
+#[test]
+fn only_a_return_after_the_latest_command_counts() {
+    let ack = |seq, kind, state| {
+        let result = CommandResult::Ok;
+        CommandAck { seq, kind, result, state, motion: None, value: 0 }.encode(node())
+    };
+    let mut wire = Wire::answering(|_| None);
+    beside_a_host(&mut wire);
+    assert!(listener::find_host(&mut wire, node()).unwrap().has_host());
+    let mut exchange = Exchange::new(wire, node(), Client::visitor(node()));
+    let alive = exchange.pump(CONNECT_TIMEOUT_US, |i| (i == Incoming::Alive).then_some(()));
+    assert_eq!(alive, Ok(Some(())));
+    // RETURN of another program is acknowledged while the command is on its way.
+    let mut sends = 0;
+    exchange.bus.answer = Box::new(move |message| match message {
+        ToController::Command(command) => {
+            sends += 1;
+            let (seq, kind) = (command.seq, command.action.kind());
+            Some(match sends {
+                1 => ack(seq.wrapping_add(9), Action::Return.kind(), State::Returning),
+                _ => ack(seq, kind, State::Playing),
+            })
+        }
+        _ => None,
+    });
+    exchange.command("resume", Action::Resume).unwrap();
+    assert!(!exchange.was_returned());
+    exchange.bus.answer = Box::new(|_| None);
+    let at_us = exchange.bus.now_us;
+    exchange.bus.said.push_front((at_us, ack(77, Action::Return.kind(), State::Returning)));
+    exchange.pump(1000, |_| None::<()>).unwrap();
+    assert!(exchange.was_returned());
+}
+
 #[test]
 fn a_second_host_is_refused_before_it_sends_anything() {
     let mut wire = Wire::silent();
