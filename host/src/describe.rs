@@ -146,7 +146,7 @@ pub fn report_details(fault: Fault, channel: Option<String>, value: Option<f32>)
     let value = value.map(|(quantity, value)| match fault {
         Fault::ActuatorFault => actuator_status(ActuatorStatus(value as u8)),
         _ => match quantity {
-            Quantity::MeasuredUnless(_, _, negative) if value < 0.0 => negative.to_owned(),
+            Quantity::MeasuredUnless(..) if value < 0.0 => quantity.reading(value).to_string(),
             Quantity::Measured("rad", what) | Quantity::MeasuredUnless("rad", what, _) => {
                 format!("{:.0}° {what}", value.to_degrees())
             }
@@ -237,6 +237,7 @@ mod tests {
                 " (knee, torque off without an error: a drop of the supply voltage may have reset the servo)",
             ),
             (Fault::TrackingError, knee(), 0.91, " (knee, 52° from its setpoint)"),
+            (Fault::OutOfLimits, knee(), -0.5, " (knee, -29° measured)"),
             (Fault::BusOff, None, 1.0, " (bus 1)"),
             (Fault::EStop, None, 0.0, ""),
         ] {

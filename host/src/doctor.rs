@@ -17,7 +17,7 @@ use crate::catalog::{Catalog, channel_name};
 use crate::describe::{entry_sentence, fault_report_on, report_details, state_name};
 use crate::session::History;
 use rollwalk_protocol::config::RobotConfig;
-use rollwalk_protocol::faults::{Event, Fault};
+use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::wire::transport::Hello;
 use rollwalk_protocol::wire::{FaultReport, LogEntry};
 use serde::Serialize;
@@ -44,6 +44,8 @@ pub struct Observations<'a> {
     pub transferring: bool,
     /// Gains, limits and feed-forward of the controller; `None` if they are unknown.
     pub gains: Option<&'a Gains>,
+    /// Reason why they could not be read.
+    pub gains_unread: Option<&'a str>,
     /// Log of the controller.
     pub history: Option<&'a History>,
     /// Known fault of the bus and its remedy.
@@ -212,9 +214,7 @@ impl Observations<'_> {
 
     fn last_stop(&self) -> Option<Finding> {
         let history = self.history?;
-        // A command to disarm is no incident.
-        let is_disarm = |stop: &&LogEntry| stop.event == Event::Disarm.code();
-        let stop = history.last_stop().filter(|stop| !is_disarm(stop))?;
+        let stop = history.last_stop()?;
         let seconds = f64::from(history.age_ms(stop)) * 1e-3;
         let what = format!(
             "the robot last stopped {seconds:.1} s ago while it was {}: {}{}",

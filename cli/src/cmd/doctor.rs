@@ -121,7 +121,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let transferring = !may_ask(&mut link, listener);
     let asked =
         if transferring { ControllerAnswers::default() } else { ask(&peer, has_host, &mut link) };
-    let ControllerAnswers { hello, gains, history, refused, key } = asked;
+    let ControllerAnswers { hello, gains, gains_unread, history, refused, key } = asked;
     let complaint = link.fault_and_remedy();
     if interrupt::requested() {
         return Ok(Exit::Interrupted);
@@ -141,6 +141,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         key,
         transferring,
         gains: gains.as_ref(),
+        gains_unread: gains_unread.as_deref(),
         history: history.as_ref(),
         complaint: complaint.as_deref(),
         bitrate,
@@ -214,6 +215,8 @@ fn names(args: &Args, expected: Option<u32>, hello: Option<&Hello>) -> NamesArgs
 struct ControllerAnswers {
     hello: Option<Hello>,
     gains: Option<Gains>,
+    /// Reason why the gains could not be read.
+    gains_unread: Option<String>,
     history: Option<History>,
     /// Reason why the controller's identity cannot be used.
     refused: Option<String>,
@@ -224,10 +227,10 @@ struct ControllerAnswers {
 /// here, because that host may be about to begin one.
 fn ask(peer: &Peer, has_host: bool, bus: &mut Interruptible) -> ControllerAnswers {
     let node = peer.node;
-    let (hello, gains, history) = match Session::visit(&mut *bus, node) {
+    let (hello, read, history) = match Session::visit(&mut *bus, node) {
         Ok(mut session) => {
-            let gains = Gains::read(&mut session).ok();
-            (Some(*session.hello()), gains, session.history().ok())
+            let read = Gains::read(&mut session).map_err(|error| error.to_string());
+            (Some(*session.hello()), read, session.history().ok())
         }
         Err(error @ SessionError::ProtocolMismatch { .. }) => {
             return ControllerAnswers {
@@ -238,7 +241,11 @@ fn ask(peer: &Peer, has_host: bool, bus: &mut Interruptible) -> ControllerAnswer
         Err(_) => return ControllerAnswers::default(),
     };
     let key = if has_host { LinkKeyCheck::Unknown } else { LinkKeyCheck::of(bus, peer) };
-    ControllerAnswers { hello, gains, history, refused: None, key }
+    let (gains, gains_unread) = match read {
+        Ok(gains) => (Some(gains), None),
+        Err(why) => (None, Some(why)),
+    };
+    ControllerAnswers { hello, gains, gains_unread, history, refused: None, key }
 }
 
 fn report(

@@ -2,6 +2,7 @@
 
 use rollwalk_host::actuators::Actuators;
 use rollwalk_host::describe::{condition, has_to_be_cleared};
+use rollwalk_host::operator::NOT_STOPPED;
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::wire::{CommandResult, State};
 use rollwalk_terminal::link::names::NamesArgs;
@@ -16,9 +17,6 @@ const STATUS_US: u64 = 200_000;
 const LET_DOWN_US: u64 = 3_000_000;
 /// Interval between attempts to open a bus that was lost during a stop.
 const REOPEN: Duration = Duration::from_millis(200);
-/// First line about an emergency stop that the controller may not have received.
-const NOT_STOPPED: &str =
-    "the emergency stop is NOT acknowledged: press the robot's own emergency stop";
 
 /// Command to a controller; [`stop`] handles the emergency stop.
 #[derive(Clone, Copy, Debug)]

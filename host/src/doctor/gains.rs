@@ -60,7 +60,11 @@ fn of_file(channel: &Channel, parameter: Parameter) -> Option<(f32, &'static str
 impl Observations<'_> {
     /// Findings about values that differ from the robot file.
     pub(super) fn gains(&self) -> Vec<Finding> {
-        let Some(gains) = self.gains else { return Vec::new() };
+        let unread = self.gains_unread.map(|why| {
+            let help = format!("list the values: rollwalk gains show --bus {}", self.bus);
+            finding(Gravity::Note, format!("gains and limits could not be read: {why}"), help)
+        });
+        let Some(gains) = self.gains else { return unread.into_iter().collect() };
         let mut found = Vec::new();
         if gains.feed_forward < 1.0 {
             let what = format!(

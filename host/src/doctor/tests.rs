@@ -69,6 +69,7 @@ fn findings<'a>(heard: &'a Traffic, hello: Option<&'a Hello>) -> Observations<'a
         key: LinkKeyCheck::NotNeeded,
         transferring: false,
         gains: None,
+        gains_unread: None,
         history: None,
         complaint: None,
         bitrate: 1_000_000,
@@ -437,6 +438,18 @@ fn values_that_differ_from_the_robot_file_are_listed() {
     for expected in ["channel 0: kp 2 instead of 1 N·m/rad", "feed-forward is 0", "gains save"] {
         assert!(changed.contains(expected), "{changed}");
     }
+}
+
+/// Unread values would look like those of the robot file.
+#[test]
+fn values_that_could_not_be_read_are_noted() {
+    let heard = traffic_in(State::Disarmed, FaultBits::default(), 2);
+    let hello = hello();
+    let gains_unread = Some("controller 1 did not answer");
+    let told = text(&Observations { gains_unread, ..findings(&heard, Some(&hello)) });
+    let expected = "Note: gains and limits could not be read: controller 1 did not answer -> list \
+        the values: rollwalk gains show --bus can:can0\n";
+    assert!(told.contains(expected), "{told}");
 }
 
 /// A fitting robot file is confirmed.

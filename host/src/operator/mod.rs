@@ -65,7 +65,7 @@ const BUSY_US: u64 = 500;
 /// Time without an acknowledgement after which the operator is warned of an emergency stop, µs.
 const UNSTOPPED_US: u64 = 500_000;
 /// Warning of an emergency stop that the controller may not have received.
-const NOT_STOPPED: &str =
+pub const NOT_STOPPED: &str =
     "the emergency stop is NOT acknowledged: press the robot's own emergency stop";
 /// Planned speed in 64ths.
 const FULL_SPEED: i8 = 64;
