@@ -106,6 +106,8 @@ pub struct Pilot {
     is_planning: bool,
     /// True if the previous horizon was not accepted.
     is_unsure: bool,
+    /// True if the planner could not plan the previous horizon at all.
+    has_failed: bool,
     /// True if the present error of the planner was already reported.
     has_said_why: bool,
     /// First frames of a stream, until the controller follows it.
@@ -131,6 +133,7 @@ impl Pilot {
             course: 0,
             is_planning: false,
             is_unsure: false,
+            has_failed: false,
             has_said_why: false,
             first: None,
             stood: 0,
@@ -192,6 +195,11 @@ impl Pilot {
     /// True if the robot stops because the planner returns no accepted plan.
     pub fn is_unsure(&self) -> bool {
         self.is_unsure
+    }
+
+    /// True if the planner could not plan the previous horizon at all, so that slower steering is no remedy.
+    pub fn has_failed(&self) -> bool {
+        self.has_failed
     }
 
     /// True if the robot does not follow the steering, and nothing is being attempted: the controller did not follow
@@ -283,7 +291,8 @@ impl Pilot {
         self.phase = Phase::Off;
         self.course += 1;
         (self.is_planning, self.is_unsure, self.has_said_why) = (false, false, false);
-        (self.first, self.stood, self.again_us, self.ends) = (None, 0, 0, false);
+        (self.has_failed, self.ends) = (false, false);
+        (self.first, self.stood, self.again_us) = (None, 0, 0);
         if operator.leaving() != ExitStage::No {
             return;
         }
@@ -324,6 +333,7 @@ impl Pilot {
         self.is_planning = false;
         self.tally.planned += 1;
         let was_unsure = self.is_unsure;
+        self.has_failed = matches!(planned, Err(CourseError::Horizon(_)));
         let stretch = match planned {
             Ok(stretch) => stretch,
             Err(error) => {
@@ -369,6 +379,7 @@ impl Pilot {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rollwalk_planner::receding::HorizonError;
     use rollwalk_protocol::faults::{FaultBits, Severity};
     use rollwalk_protocol::wire::{Node, Status};
 
@@ -394,5 +405,21 @@ mod tests {
         let mut pilot = Pilot::new(true);
         pilot.stop(0, ActionAfterStop::Leave, &mut operator);
         assert_eq!(pilot.arms, 0);
+    }
+
+    /// Slower steering helps if no plan met the constraints, but not if the planner has an error.
+    #[test]
+    fn a_horizon_without_a_plan_is_no_failure_of_the_planner() {
+        let mut operator = Operator::new(Node::new(1).unwrap(), None);
+        let wanted = SteeringRequest::default();
+        let failed =
+            HorizonError::TooShort { duration_s: 0.1, samples: 1, interval_s: 0.1, least: 4 };
+        let no_plan = CourseError::NoPlan { for_s: 1.0, constraint: String::new(), level: 2.0 };
+        for (error, fails) in [(no_plan, false), (CourseError::from(failed), true)] {
+            let mut pilot = Pilot::new(true);
+            let request = Request { course: pilot.course, wanted };
+            pilot.on_stretch(0, request, Err(error), &mut operator);
+            assert_eq!((pilot.is_unsure(), pilot.has_failed()), (true, fails));
+        }
     }
 }

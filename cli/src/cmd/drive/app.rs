@@ -228,7 +228,9 @@ impl<'a> App<'a> {
         let pilot = &self.steered.pilot;
         if pilot.phase() == Phase::Steered {
             let steering = pilot.steered().steering;
-            self.unplanned = pilot.is_unsure().then(|| self.unplanned.unwrap_or(steering));
+            // The planner's errors have their own messages.
+            let is_rejected = pilot.is_unsure() && !pilot.has_failed();
+            self.unplanned = is_rejected.then(|| self.unplanned.unwrap_or(steering));
         }
         let library = operator.hello().and_then(|hello| hello.library);
         if library.is_some_and(|id| id != self.catalog.library) && !self.is_other {
@@ -339,11 +341,8 @@ impl<'a> App<'a> {
             words += "the controller never answered";
             return DriveResult { words, exit: Exit::NotDone };
         };
-        if let Some(Steering { forward_m_s, left_m_s, turn_rad_s }) = self.unplanned {
-            words += &format!(
-                "no plan met the constraints at forward {forward_m_s:.2} m/s, left {left_m_s:.2} m/s, \
-                 turn {turn_rad_s:.2} rad/s, so the robot halted: steer slower; "
-            );
+        if let Some(steering) = self.unplanned.filter(|_| !is_whole) {
+            words += &why_halted(steering).unwrap_or_default();
         }
         if !view.link.contact {
             words += &format!("no contact; the robot was {condition}");
@@ -361,5 +360,30 @@ impl<'a> App<'a> {
             _ => Exit::NotDone,
         };
         DriveResult { words, exit }
+    }
+}
+
+/// Reason of a halt for which no plan met the constraints; `None` if the robot was steered to stand, so that it cannot be
+/// steered slower.
+fn why_halted(steering: Steering) -> Option<String> {
+    let Steering { forward_m_s, left_m_s, turn_rad_s } = steering;
+    (steering != Steering::default()).then(|| {
+        format!(
+            "no plan met the constraints at forward {forward_m_s:.2} m/s, left {left_m_s:.2} m/s, turn \
+             {turn_rad_s:.2} rad/s, so the robot halted: steer slower; "
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_robot_that_was_to_move_is_to_be_steered_slower() {
+        assert_eq!(why_halted(Steering::default()), None);
+        let fast = Steering { forward_m_s: 1.0, ..Steering::default() };
+        let words = why_halted(fast).unwrap();
+        assert!(words.contains("forward 1.00 m/s") && words.contains("steer slower"), "{words}");
     }
 }
