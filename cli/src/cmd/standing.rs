@@ -2,7 +2,8 @@
 //! `rollwalk robot check`.
 
 use rollwalk_multibody::{PassiveLoad, Standing, Tree, passive_loads, warnings};
-use rollwalk_robot::{EndEffector, Robot};
+use rollwalk_robot::Robot;
+use rollwalk_terminal::link::reach::leg_m;
 use rollwalk_terminal::output::{Table, fixed};
 use serde::Serialize;
 use std::fmt::Write;
@@ -372,19 +373,6 @@ impl StandingReport {
         }
         text
     }
-}
-
-/// Length of the stretched limb of an end effector, from its first joint to the ground.
-fn leg_m(tree: &Tree, standing: &Standing, end: &EndEffector) -> f64 {
-    let Standing { frames, .. } = standing;
-    let joints = tree.joints_to_link(end.link).iter();
-    let mut points: Vec<_> =
-        joints.map(|&joint| frames.link_origins[tree.robot().joints[joint].child]).collect();
-    if points.is_empty() {
-        return 0.0;
-    }
-    points.push(frames.point(end.link, &end.center_in_link_m));
-    points.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum::<f64>() + end.radius_m
 }
 
 fn apart(distance_m: f64) -> String {

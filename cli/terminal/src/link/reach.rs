@@ -5,7 +5,7 @@ use rollwalk_pilot::Steering;
 use rollwalk_planner::plan::Plan;
 use rollwalk_robot::{EndEffector, Robot};
 
-/// Strokes of a leg in units of the height of the standing robot: no leg reaches further forward and back.
+/// Stroke of a leg in units of its stretched length: no leg reaches further forward and back.
 const STROKE: f64 = 2.0;
 
 /// Upper bounds of steering.
@@ -26,7 +26,8 @@ impl Reach {
         if robot.end_effectors.iter().any(|end| end.contact.drag().is_some()) {
             return None;
         }
-        let standing = Standing::new(&Tree::new(robot))?;
+        let tree = Tree::new(robot);
+        let standing = Standing::new(&tree)?;
         let rim = |end: &EndEffector| Some(end.contact.actuator()?.speed_max_rad_s * end.radius_m);
         let wheels_m_s = robot.end_effectors.iter().filter_map(rim).fold(0.0, f64::max);
         let mut terms = Vec::new();
@@ -35,7 +36,7 @@ impl Reach {
         }
         let mut speed_m_s = wheels_m_s;
         if let Some(stance_s) = gait.and_then(shortest_stance_s) {
-            let stroke_m = STROKE * standing.frames.link_origins[0].z;
+            let stroke_m = STROKE * longest_leg_m(&tree, &standing);
             speed_m_s += stroke_m / stance_s;
             terms.push(format!("a stroke of {stroke_m:.2} m in a stance of {stance_s:.2} s"));
         }
@@ -68,12 +69,41 @@ impl Reach {
     }
 }
 
-/// Time that the foot with the shortest stance is on the ground in a period, s; `None` if a foot never lands.
+/// Length of the stretched limb of an end effector, from its first joint to the ground, m; 0 without joints.
+pub fn leg_m(tree: &Tree, standing: &Standing, end: &EndEffector) -> f64 {
+    let Standing { frames, .. } = standing;
+    let joints = tree.joints_to_link(end.link).iter();
+    let mut points: Vec<_> =
+        joints.map(|&joint| frames.link_origins[tree.robot().joints[joint].child]).collect();
+    if points.is_empty() {
+        return 0.0;
+    }
+    points.push(frames.point(end.link, &end.center_in_link_m));
+    points.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum::<f64>() + end.radius_m
+}
+
+fn longest_leg_m(tree: &Tree, standing: &Standing) -> f64 {
+    let ends = tree.robot().end_effectors.iter();
+    ends.map(|end| leg_m(tree, standing, end)).fold(0.0, f64::max)
+}
+
+/// Duration of the mean stance of the foot with the shortest one, s; `None` if a foot never lands.
 fn shortest_stance_s(plan: &Plan) -> Option<f64> {
-    let feet = plan.robot.end_effectors.len();
-    let samples = |foot: usize| plan.motion.stance.iter().filter(|row| row[foot]).count();
-    let least = (0..feet).map(samples).min().filter(|&least| least > 0)?;
-    Some(least as f64 * plan.sample_interval_s)
+    let samples = shortest_stance(&plan.motion.stance, plan.robot.end_effectors.len())?;
+    Some(samples * plan.sample_interval_s)
+}
+
+/// Number of samples of the mean stance of the foot with the shortest one, in rows of a period.
+fn shortest_stance(rows: &[Vec<bool>], feet: usize) -> Option<f64> {
+    let mean = |foot: usize| {
+        let stands = rows.iter().filter(|row| row[foot]).count();
+        let follows = rows.iter().cycle().skip(1);
+        let landings = rows.iter().zip(follows).filter(|(row, next)| !row[foot] && next[foot]);
+        // A foot that is never lifted has one stance.
+        (stands > 0).then(|| stands as f64 / landings.count().max(1) as f64)
+    };
+    let means: Option<Vec<f64>> = (0..feet).map(mean).collect();
+    means?.into_iter().min_by(f64::total_cmp)
 }
 
 #[cfg(test)]
@@ -99,6 +129,37 @@ mod tests {
         assert!(error.contains("of the wheels (speed times radius)"), "{error}");
         let error = reach.check("", steering(0.0, 20.0)).unwrap_err();
         assert!(error.contains("20 rad/s is beyond the robot"), "{error}");
+    }
+
+    /// The origin of the body of some robots is on the ground.
+    #[test]
+    fn the_stroke_does_not_depend_on_the_frame_of_the_body() {
+        let leg_m = |robot: &Robot| {
+            let tree = Tree::new(robot);
+            let standing = Standing::new(&tree).expect("it stands");
+            (longest_leg_m(&tree, &standing), standing.frames.link_origins[0].z)
+        };
+        let mut robot = Source::Shipped.robot(Path::new("robots/pup.toml")).expect("it ships");
+        let (expected_m, height_m) = leg_m(&robot);
+        assert!(expected_m > height_m, "{expected_m} {height_m}");
+        for joint in robot.joints.iter_mut().filter(|joint| joint.parent == 0) {
+            joint.parent_from_joint.translation.z += height_m;
+        }
+        let (moved_m, height_m) = leg_m(&robot);
+        assert!(height_m.abs() < 1e-9 && (moved_m - expected_m).abs() < 1e-9, "{moved_m}");
+    }
+
+    #[test]
+    fn a_foot_that_lands_twice_in_a_period_has_two_stances() {
+        let rows = |columns: &[&str]| -> Vec<Vec<bool>> {
+            let row = |at| columns.iter().map(|column| column.as_bytes()[at] == b'x').collect();
+            (0..columns[0].len()).map(row).collect()
+        };
+        assert_eq!(shortest_stance(&rows(&["xxxxxxxx", "xx..xx.."]), 2), Some(2.0));
+        // The stance at the end of the period continues at its beginning.
+        assert_eq!(shortest_stance(&rows(&["x...xxxx"]), 1), Some(5.0));
+        assert_eq!(shortest_stance(&rows(&["xxxx"]), 1), Some(4.0));
+        assert_eq!(shortest_stance(&rows(&["xxxx", "...."]), 2), None);
     }
 
     #[test]
