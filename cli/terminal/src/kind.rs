@@ -127,10 +127,10 @@ impl Kind {
             | Self::Plan
             | Self::Problem
             | Self::Urdf
+            | Self::Side
             | Self::Terrain => true,
             Self::Servos
             | Self::Sweep
-            | Self::Side
             | Self::Gamepad
             | Self::WorldLog
             | Self::Run
@@ -361,6 +361,7 @@ mod tests {
         let end = "name = \"a\"\n[[end_effector]]\nname = \"foot\"\n";
         for side in ["[lock]\nmast = 0.1\n", "[joint]\nhip = { bus = 1 }\n", "[joint.hip]\n", end] {
             assert_eq!(Kind::of(side), Some(Kind::Side), "{side}");
+            assert!(Kind::Side.is_recognised());
         }
         for robot in ["[[joint]]\n[joint.spring]\n[[link]]\n", &format!("{end}[[link]]\n")] {
             assert_eq!(Kind::of(robot), Some(Kind::Robot), "{robot}");

@@ -64,11 +64,12 @@ fn help(path: &Path, typed: &Path, kind: Kind) -> String {
     candidates.sort_by(|a, b| a.name.cmp(&b.name));
     candidates.dedup_by(|a, b| a.name == b.name);
     candidates.sort_by(|a, b| similarity(b).total_cmp(&similarity(a)));
-    let here = candidates.iter().filter(|of| of.is_of(kind)).map(|of| of.name.as_str());
-    let mut here: Vec<_> = here.take(LISTED_MAX).collect();
-    let near = here.iter().position(|name| slips(path, Path::new(name)).is_some());
-    let meant = match near.map(|index| here.remove(index)) {
-        Some(name) => Some(typed.with_file_name(name)),
+    let mut listed: Vec<_> =
+        candidates.iter().filter(|of| of.is_of(kind)).take(LISTED_MAX).collect();
+    let near = listed.iter().position(|of| slips(path, Path::new(&of.name)).is_some());
+    let near = near.map(|index| listed.remove(index));
+    let meant = match near {
+        Some(near) => Some(typed.with_file_name(&near.name)),
         None => {
             let near = kind.shipped().filter_map(|of| Some((slips(path, of)?, of)));
             let near = near.min_by_key(|(slips, _)| *slips).map(|(_, ships)| ships);
@@ -80,15 +81,20 @@ fn help(path: &Path, typed: &Path, kind: Kind) -> String {
     if let Some(meant) = &meant {
         text += &format!("did you mean `{}`? ", meant.display());
     }
-    if !here.is_empty() {
-        let also = if near.is_some() { "also " } else { "" };
-        let place = match beside.is_dir() {
-            true if beside == Path::new(".") => format!("this folder {also}contains"),
-            true => format!("{} {also}contains", beside.display()),
-            false => format!("rollwalk {also}ships"),
-        };
-        text += &format!("{place} {}; ", here.join(", "));
-    } else if meant.is_none() && !beside.exists() {
+    let place = match beside == Path::new(".") {
+        true => "this folder".to_owned(),
+        false => beside.display().to_string(),
+    };
+    for (is_shipped, place, verb) in [(false, &*place, "contains"), (true, "rollwalk", "ships")] {
+        let of_place = listed.iter().filter(|of| of.content.is_err() == is_shipped);
+        let names: Vec<_> = of_place.map(|of| of.name.as_str()).collect();
+        let has_near = near.is_some_and(|near| near.content.is_err() == is_shipped);
+        let also = if has_near { "also " } else { "" };
+        if !names.is_empty() {
+            text += &format!("{place} {also}{verb} {}; ", names.join(", "));
+        }
+    }
+    if listed.is_empty() && meant.is_none() && !beside.exists() {
         text += &format!("the folder {} does not exist either; ", beside.display());
     }
     text + hint
@@ -187,6 +193,20 @@ mod tests {
         // The name of a robot instead of that of its library.
         let help = help_of(Path::new("pup"), Kind::Library);
         assert!(help.starts_with("did you mean `motions/pup_library.toml`? "), "{help}");
+    }
+
+    /// The disk does not contain the shipped files.
+    #[test]
+    fn shipped_files_are_not_listed_as_contents_of_a_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let robots = folder.path().join("robots");
+        fs::create_dir(&robots).unwrap();
+        let robot = rollwalk_shipped::text("robots/pup.toml").unwrap();
+        fs::write(robots.join("kit.toml"), robot).unwrap();
+        let help = help(&robots.join("xyzzy.toml"), Path::new("robots/xyzzy.toml"), Kind::Robot);
+        let (on_disk, ships) = help.split_once("; rollwalk ships ").expect(&help);
+        assert_eq!(on_disk, format!("{} contains kit.toml", robots.display()));
+        assert!(ships.contains(".toml"), "{help}");
     }
 
     #[test]
