@@ -51,6 +51,7 @@ impl Printer {
             }
         }
         if let Some(ground) = rig.body().ground() {
+            let of_ground = self.ground_events(ground).into_iter();
             if safe.is_some()
                 && ground.playing().map(|clip| clip.0) == safe
                 && let Some(done) = self.excursions.return_to_safe()
@@ -61,7 +62,6 @@ impl Printer {
             }
             // The world is up to one step ahead of the controller, whose states are printed with the present time.
             let now_s = rig.now().as_s();
-            let of_ground = self.ground_events(ground).into_iter();
             events.extend(of_ground.map(|(at_s, what)| (at_s.min(now_s), what)));
         }
         print_events(events);
@@ -84,7 +84,6 @@ impl Printer {
             );
             events.push((fall.at.as_s(), what));
         }
-        self.falls = falls.len();
         let contacts = ground.obstacle_contacts().unwrap_or_default();
         for contact in contacts.iter().skip(self.obstacle_contacts) {
             let what = format!("`{}` touches obstacle `{}`", contact.link, contact.obstacle);
@@ -92,11 +91,19 @@ impl Printer {
         }
         self.obstacle_contacts = contacts.len();
         if ground.is_held() != self.is_held {
-            self.is_held = ground.is_held();
-            let what = if self.is_held { "lifts the robot" } else { "releases the robot" };
+            let what = if ground.is_held() { "lifts the robot" } else { "releases the robot" };
             events.push((ground.world().system().time_s(), format!("the hoist {what}")));
         }
+        self.update(falls.len(), ground.is_held());
         events
+    }
+
+    /// Records falls and hoist. A fall or the hoist ends an excursion, because the robot does not come back by its motions.
+    fn update(&mut self, falls: usize, is_held: bool) {
+        if falls > self.falls || is_held && !self.is_held {
+            self.excursions = Excursions::default();
+        }
+        (self.falls, self.is_held) = (falls, is_held);
     }
 }
 
@@ -129,4 +136,26 @@ fn describe_way(way: &NetDisplacement) -> String {
         fixed::<3>(way.left_m),
         fixed::<1>(way.turn_rad.to_degrees())
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The robot is elsewhere afterwards, and in SAFE without having returned there.
+    #[test]
+    fn a_fall_and_the_hoist_end_an_excursion() {
+        let is_reported = |falls, is_held| {
+            let mut printer = Printer::default();
+            printer.update(0, false);
+            assert_eq!(printer.excursions.return_to_safe(), None);
+            printer.excursions.add(Some("walk"), &NetDisplacement::default());
+            printer.update(falls, is_held);
+            printer.excursions.return_to_safe().is_some()
+        };
+        assert_eq!(
+            [(0, false), (1, false), (0, true)].map(|(a, b)| is_reported(a, b)),
+            [true, false, false]
+        );
+    }
 }
