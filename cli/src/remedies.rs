@@ -3,14 +3,28 @@
 use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
 
+/// Sentence about what may help a plan, which begins with a full stop; empty without remedies. `feedback` is the command that
+/// simulates the plan with feedback.
+pub fn sentence(plan: &Plan, feedback: Option<String>) -> String {
+    sentence_of(of_plan(plan), feedback)
+}
+
+fn sentence_of(mut ways: Vec<String>, feedback: Option<String>) -> String {
+    if let Some(feedback) = feedback {
+        let or = if ways.is_empty() { "" } else { "or " };
+        ways.push(format!("{or}feedback (`{feedback}`)"));
+    }
+    if ways.is_empty() { String::new() } else { format!(". What may help: {}", ways.join(", ")) }
+}
+
 /// Changes of the motion and the robot of a plan that may help.
-pub fn of_plan(plan: &Plan) -> String {
+fn of_plan(plan: &Plan) -> Vec<String> {
     let Plan { robot, motion, .. } = plan;
     let steps = motion.stance.iter().flatten().any(|stands| !stands);
     let duty = steps.then_some("a larger `duty`");
     let of_motion = motion.changes_within_limits().into_iter().chain(duty).map(str::to_owned);
     let servos = (!robot.joints.is_empty()).then(|| of_servos(robot));
-    of_motion.chain(servos).collect::<Vec<_>>().join(", ")
+    of_motion.chain(servos).collect()
 }
 
 /// Changes of the servos that may help.
@@ -27,6 +41,19 @@ pub fn of_servos(robot: &Robot) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_sentence_names_the_remedies_that_exist() {
+        let of = |ways: &[&str], feedback: Option<&str>| {
+            let ways = ways.iter().map(|&way| way.to_owned()).collect();
+            sentence_of(ways, feedback.map(str::to_owned))
+        };
+        assert_eq!(of(&[], None), "");
+        assert_eq!(of(&[], Some("x")), ". What may help: feedback (`x`)");
+        assert_eq!(of(&["more samples"], None), ". What may help: more samples");
+        let both = ". What may help: more samples, or feedback (`x`)";
+        assert_eq!(of(&["more samples"], Some("x")), both);
+    }
 
     #[test]
     fn joints_whose_servos_accept_no_speed_lag_by_kd_over_kp() {

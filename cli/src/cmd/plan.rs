@@ -412,13 +412,14 @@ impl<'a> PlanResult<'a> {
             ),
             Some(path) if !holds => format!(
                 "wrote {0}; record the simulated motion with `rollwalk simulate {0} --world-log \
-                 RUN.csv`. What may help: {1}{2}",
+                 RUN.csv`{1}",
                 path.display(),
-                remedies::of_plan(plan),
-                control::check(&plan.robot).map_or(String::new(), |()| format!(
-                    ", or feedback (`rollwalk simulate {} --tracking`)",
-                    path.display()
-                )),
+                remedies::sentence(
+                    plan,
+                    control::check(&plan.robot)
+                        .is_ok()
+                        .then(|| format!("rollwalk simulate {} --tracking", path.display()))
+                ),
             ),
             Some(path) => format!("wrote {}", path.display()),
             None => "nothing written".to_owned(),

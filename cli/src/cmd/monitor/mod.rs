@@ -141,20 +141,20 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         view: View::new(catalog.as_ref(), args.joints, args.json, began_us),
         node: args.link.node.number(),
         controllers: BTreeSet::new(),
+        has_reported_silence: false,
         live: live.map(|view| (Reader::new(args.link.node, known), view)),
     };
     let outcome = before.iter().try_for_each(|(at_us, frame)| monitor.take(*at_us, frame));
     let outcome = outcome.and_then(|()| listen(&mut bus, args, end_us, &mut monitor));
     let was_heard = monitor.controllers.contains(&monitor.node);
-    let silent = monitor.silent(&bus);
+    if !was_heard && outcome.is_ok() {
+        monitor.report_silence(&bus, &args.link);
+    }
     monitor.finish()?;
     match outcome {
         Err(error) if !interrupt::requested() => Err(error),
         _ if was_heard => Ok(Exit::Ok),
-        _ => {
-            output::print_report(&args.link.explain(&silent, None));
-            Ok(Exit::NotDone)
-        }
+        _ => Ok(Exit::NotDone),
     }
 }
 
@@ -208,7 +208,7 @@ fn listen(
         }
         let now_us = bus.now_us();
         if now_us >= silent_us.saturating_add(SILENCE_US) && now_us < end_us {
-            output::print_line(monitor.silent(bus));
+            monitor.report_silence(bus, &args.link);
             monitor.keep()?;
             // The silence is reported once.
             silent_us = u64::MAX;
@@ -240,6 +240,8 @@ struct Monitor<'a> {
     node: u8,
     /// Addresses of all controllers that sent a frame.
     controllers: BTreeSet<u8>,
+    /// True after the report of a controller that was never heard.
+    has_reported_silence: bool,
     live: Option<(Reader<'a>, live::View<'a>)>,
 }
 
@@ -252,6 +254,16 @@ impl Monitor<'_> {
     /// Error for a controller that sends nothing.
     fn silent(&self, bus: &impl LinkBus) -> SessionError {
         SessionError::no_frames(self.node, bus, self.controllers.first().copied())
+    }
+
+    /// Reports that the controller sends nothing. A controller that was never heard is reported once.
+    fn report_silence(&mut self, bus: &impl LinkBus, link: &LinkArgs) {
+        let error = self.silent(bus);
+        if self.controllers.contains(&self.node) {
+            output::print_line(error);
+        } else if !std::mem::replace(&mut self.has_reported_silence, true) {
+            output::print_report(&link.explain(&error, None));
+        }
     }
 
     fn take(&mut self, at_us: u64, frame: &Frame) -> miette::Result<()> {

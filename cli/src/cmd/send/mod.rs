@@ -195,11 +195,7 @@ fn wait_for_safe(session: &mut LiveSession) {
 
 /// Returns to SAFE and turns torque off. DISARM does both from every state; RETURN is refused while the robot aligns.
 fn return_and_disarm(session: &mut LiveSession, has_contact: bool) -> Result<(), SessionError> {
-    let alone = session.status().and_then(|status| alone(status.state));
-    match alone.filter(|_| !has_contact) {
-        Some(alone) => output::print_line(format_args!("no contact: {alone}")),
-        None => output::print_line("returning to SAFE"),
-    }
+    output::print_line(way_home(session.status().map(|status| status.state), has_contact));
     let mut home = session.disarm();
     // If the program ended while the robot moves, the robot would latch a lost host.
     while let Err(SessionError::TookTooLong { status, .. }) = &home
@@ -214,6 +210,15 @@ fn return_and_disarm(session: &mut LiveSession, has_contact: bool) -> Result<(),
     home
 }
 
+/// Announcement of the way to SAFE, or of what the robot does without contact.
+fn way_home(state: Option<State>, has_contact: bool) -> String {
+    match state.and_then(alone) {
+        _ if has_contact => "returning to SAFE".into(),
+        Some(alone) => format!("no contact: {alone}"),
+        None => "no contact".into(),
+    }
+}
+
 /// True if the robot becomes disarmed without a command: it returns to SAFE, or it has no fault and is damped or without
 /// torque.
 fn is_on_its_way(status: &Status) -> bool {
@@ -224,6 +229,17 @@ fn is_on_its_way(status: &Status) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The robot is not said to return when no command reaches it.
+    #[test]
+    fn a_robot_without_contact_is_not_said_to_return() {
+        assert_eq!(way_home(Some(State::Playing), true), "returning to SAFE");
+        for state in [None, Some(State::Disarmed)] {
+            assert_eq!(way_home(state, false), "no contact");
+        }
+        let playing = way_home(Some(State::Playing), false);
+        assert!(playing.starts_with("no contact: without heartbeats"), "{playing}");
+    }
 
     #[test]
     fn speeds_are_parts_of_the_planned_one() {
