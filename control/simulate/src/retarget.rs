@@ -228,3 +228,47 @@ fn rollout(
     let residuals: Vec<_> = (1..).zip(&planned).flat_map(of_step).collect();
     Some((rollout, residuals).into())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_planner::motion::Motion;
+    use rollwalk_planner::{Options as SolverOptions, optimise};
+    use std::ops::ControlFlow;
+
+    /// Compares the derivatives of a rollout on servos that accept no speed of joints with differences.
+    #[test]
+    fn rollouts_on_servos_without_speed_have_their_derivatives() {
+        let shipped = |path: &str| {
+            let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shipped");
+            std::fs::read_to_string(format!("{root}/{path}.toml")).unwrap()
+        };
+        let robot = |name: &str| {
+            rollwalk_robot::Robot::from_toml(name, &shipped(&format!("robots/{name}"))).unwrap()
+        };
+        let agilebot = robot("agilebot");
+        let motion = Motion::from_toml("duck", &shipped("motions/duck"), &agilebot).unwrap();
+        let mut go_on = |_: &_| ControlFlow::Continue(());
+        let mut plan = optimise(&agilebot, &motion, &SolverOptions::default(), &mut go_on);
+        let bus = robot("pup").buses[&0];
+        for number in agilebot.channels().map(|channel| channel.actuator().bus) {
+            plan.robot.buses.insert(number, bus);
+        }
+        let options = Options { rate_hz: 60, ..Options::default() };
+        let script = Script::new(&plan, true);
+        let curve = curve(&script, &options);
+        let knots = vec![0.0; agilebot.joints.len() * curve.knots];
+        let run = |knots: &[f64]| rollout(&script, &options, &curve, knots).unwrap();
+        let jacobian = (run(&knots).jacobian)();
+        for number in (5..knots.len()).step_by(11) {
+            let moved = |by: f64| {
+                let mut knots = knots.clone();
+                knots[number] += by;
+                nalgebra::DVector::from_vec(run(&knots).values)
+            };
+            let difference = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+            let off = (&difference - jacobian.column(number)).norm() / difference.norm();
+            assert!(off < 1e-3, "{number}: off by {off:e} of {}", difference.norm());
+        }
+    }
+}
