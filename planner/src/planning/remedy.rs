@@ -18,7 +18,9 @@ impl Report {
         let motion = &plan.motion;
         let mobility = Mobility::of(&plan.robot, &motion.stance, &motion.goal, motion.duration_s);
         let worst = self.worst_of(played).filter(|row| row.is_beyond());
-        let advice = worst.map(|row| mobility.advice(row.family)).filter(|of| !of.is_empty());
+        let advice = worst
+            .map(|row| mobility.advice(row.family))
+            .filter(|of| !of.is_empty() && !of.starts_with("nothing"));
         let goal = &motion.goal;
         let has_goal =
             [goal.forward_m, goal.left_m, goal.turn_rad].iter().flatten().any(|of| *of != 0.0);
@@ -48,6 +50,7 @@ impl Motion {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::families::Family;
     use crate::plan::Status;
     use crate::test_plans;
 
@@ -63,6 +66,11 @@ mod tests {
         let mut short = plan.clone();
         short.motion.goal.forward_m = Some(1.0);
         assert_eq!(of(&short), "a longer duration or a nearer goal");
+        // General advice replaces that of a constraint for which there is none.
+        let mut report = Report::new(&short);
+        report.rows.iter_mut().for_each(|row| row.family = Family::Anchor);
+        let general = "more samples, a longer duration or a nearer goal";
+        assert_eq!(report.remedy(&short).as_deref(), Some(general));
         // All samples of the longest motion.
         let report = Report::new(&plan);
         plan.motion.duration_s = LONGEST_S;
