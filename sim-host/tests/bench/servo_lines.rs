@@ -222,6 +222,7 @@ fn of_a_line_the_servo_that_is_silent_is_named() {
         key: LinkKeyCheck::NotNeeded,
         transferring: false,
         gains: None,
+        gains_unread: None,
         history: None,
         complaint: None,
         bitrate: 1_000_000,
