@@ -210,7 +210,7 @@ fn return_and_disarm(session: &mut LiveSession, has_contact: bool) -> Result<(),
     home
 }
 
-/// Announcement of the way to SAFE, or of what the robot does without contact.
+/// Last message: the robot returns to SAFE, or, without contact, the behaviour of a live controller.
 fn way_home(state: Option<State>, has_contact: bool) -> String {
     match state.and_then(alone) {
         _ if has_contact => "returning to SAFE".into(),
