@@ -1,6 +1,6 @@
-//! Formulation: the constraints and objectives in E(m). Read this file first.
+//! Formulation: the constraints and objectives in E(m). Read it after [`crate::families`].
 //!
-//! With multipliers s, penalty ρ and ψ_ε of Eq. 2.16, over all rows r (divided by their scales):
+//! With multipliers as shifts s, penalty ρ and ψ_ε of Eq. 2.16, over all rows r (divided by their scales):
 //!
 //! ```text
 //! E(m) = Σ_equalities ρ (r + s)²  +  Σ_inequalities ρ ψ_ε(r + s)  +  Σ_costs w r²

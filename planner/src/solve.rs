@@ -242,7 +242,7 @@ impl<'a> Solver<'a> {
         Iteration { progress, ended, mismatch, nearly_flat, no_better, exhausted }
     }
 
-    /// Increases the damping until the step lowers the energy about as predicted, and takes that step.
+    /// Increases the damping until a step achieves more than 0.1 % of the predicted decrease of the energy, and takes that step.
     fn step(&mut self) -> StepEffect {
         let Point { unknowns, rows } = &mut self.point;
         self.system.differentiate(unknowns, rows, &self.shifts);

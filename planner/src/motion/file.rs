@@ -82,7 +82,7 @@ impl Motion {
 
 /// Key of the terrain file.
 const TERRAIN: &str = "terrain";
-/// Key of terrain files.
+/// Key of an obstacle in terrain files.
 const OBSTACLE: &str = "obstacle";
 /// Table of the distances of contacts from the edges of a terrain.
 const CONTACT: &str = "contact";

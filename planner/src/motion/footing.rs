@@ -297,7 +297,7 @@ impl Maps<'_> {
         Some(map.turned(self.terrain.heading_rad))
     }
 
-    /// Standard deviation of a swing's envelope, m.
+    /// Standard deviation of the filter that smooths a swing's envelope, m.
     fn swing_deviation_m(&self) -> f64 {
         swing_deviation_m(self.margins)
     }

@@ -37,7 +37,8 @@ impl Motion {
         lying.map_or(Cow::Borrowed(robot), Cow::Owned)
     }
 
-    /// Model of the robot of the motion. The pose in which it lies counts as valid, as the nominal pose does.
+    /// Model of the robot of the motion. Clearances smaller than the margin in the lying pose are permitted, as in the nominal
+    /// pose.
     pub(crate) fn model(&self, robot: &Robot) -> Model {
         let model = Model::new(&self.robot(robot));
         let Some(lying_rad) = &self.lying_rad else { return model };
@@ -92,7 +93,7 @@ impl Motion {
         self.held_wheels.extend(std::iter::repeat_n(false, points));
     }
 
-    /// Transition between two motions of which at least one lies, with the points of the body.
+    /// Transition between two motions of which at least one lies. Its stance flags include the points of the body.
     pub(crate) fn lying_between(&self, from: &Motion, to: &Motion, robot: &Robot) -> Self {
         let is_down = |stance: Option<&Vec<bool>>| {
             stance.is_some_and(|flags| flags.iter().skip(self.stance[0].len()).any(|&down| down))

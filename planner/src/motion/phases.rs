@@ -99,7 +99,7 @@ pub(super) struct Swing {
 pub(super) const CYCLES: &str = "cycles";
 /// Maximum number of cycles.
 const CYCLES_MAX: u32 = 100;
-/// Standing time at each end of a motion of several cycles / duration of a cycle.
+/// Ratio of the standing time at each end of a motion of several cycles to the duration of a cycle.
 const STAND: f64 = 0.25;
 
 /// Stance flags of one cycle, or of a number of cycles between two stands.

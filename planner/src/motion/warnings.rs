@@ -9,7 +9,7 @@ use rollwalk_multibody::ground::file::Shape;
 use rollwalk_multibody::parts::parts;
 use rollwalk_robot::Robot;
 
-/// Ratio of a kerb's height to a wheel's radius from which on played wheels fall behind without feedback.
+/// Ratio of a kerb's height to a wheel's radius above which played wheels fall behind without feedback.
 const ROLLED: f64 = 0.4;
 /// Largest ratio at which played wheels reach their goal with feedback. AgileBot does at 0.9; others do not at 0.86.
 const CLIMBED: f64 = 0.8;
@@ -31,7 +31,7 @@ impl Motion {
         (Rotation2::new(goal.turn_rad.unwrap_or(0.0)), way)
     }
 
-    /// Highest kerb on the ways of the wheels that never leave the ground, if it is too high for them.
+    /// Highest kerb on the paths of the wheels that never leave the ground, if it is too high for them.
     fn kerb(&self, robot: &Robot, terrain: &Terrain, pose: &Pose) -> Option<String> {
         let Shape::Profile(profile) = &terrain.shape else { return None };
         let (turn, way) = self.placement();

@@ -42,8 +42,8 @@ fn attempt_with(
 
 /// Solves a request from the plan with half its samples. That plan in turn may come from a plan with a quarter of them.
 ///
-/// On free wheels and skates this is the first candidate. If it finds no plan, the start without halving is solved in its place
-/// and decides.
+/// On free wheels and skates this is the first candidate. If it finds no plan, the start without halving is tried in its place
+/// and decides the outcome.
 fn from_coarse(request: Request<'_>, halved: &Motion, effort: &mut Effort<'_>) -> Solution {
     let Request { robot, motion, options } = request;
     let decides = start::any_rolls_freely(robot, motion);

@@ -69,12 +69,12 @@ impl<'a> Batch<'a> {
         Self { requests, from, options: options.clone(), next, done, plans }
     }
 
-    /// Number of motions that are planned.
+    /// Number of motions planned so far.
     pub fn done(&self) -> usize {
         self.done.load(Ordering::Relaxed)
     }
 
-    /// Plans motions until no thread has to begin another one. Call this on as many threads as there are cores. `progress` is
+    /// Plans motions until no thread has another one to begin. Call this on as many threads as there are cores. `progress` is
     /// called after every iteration of this thread; a break ends this thread's work, and its motion has no plan.
     pub fn work(&self, progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>) {
         let options = Options { structures: Structures::default(), ..self.options.clone() };

@@ -31,7 +31,7 @@ const FIRST_NEAR: f64 = 2.0;
 const FIRST: f64 = 1.1;
 /// Maximum number of trial values for the first, second and third field that a diagnosis names.
 const TRIALS: [usize; 3] = [4, 2, 2];
-/// Iteration limit of a search, as a multiple of the limit of a solve.
+/// Iteration limit of a trial.
 const OF_TRIAL: usize = 100;
 /// Total iteration limit of all trials.
 const OF_ALL: usize = 300;
@@ -49,7 +49,7 @@ const LONGER: f64 = 3.0;
 const TRIALS_WHOLE: usize = 3;
 /// Step of suggested durations, s: three library frames, so that durations have few digits.
 const DURATIONS_S: f64 = 0.05;
-/// Iteration limit of a second look, as a multiple of the limit of a solve.
+/// Iteration limit of a search, as a multiple of the limit of a solve.
 const MOST: usize = 2;
 /// Relative distance between a feasible and an infeasible value below which the search ends.
 const CLOSE: f64 = 0.05;
@@ -61,8 +61,8 @@ const FAR_TOO_LOW: f64 = 0.5;
 const TRIALS_UP: usize = 5;
 /// Largest ratio of a larger goal to the largest goal that works.
 const GROWTH: f64 = 1.5;
-/// Iterations reserved for these trials: as a fraction of the limit of all trials, and at most this number. They suffice for two
-/// goals: one that is too far, and a nearer one.
+/// Iterations reserved for larger goals: divisor of the search's iteration limit, and maximum. They suffice for two goals, of
+/// which the first is too far and the second nearer.
 const RESERVED_UP: (usize, usize) = (4, 160);
 
 /// Searches for feasible values after the solution of a request. Returns the solution and its consequence for other starts. A
@@ -347,8 +347,8 @@ impl FeasibilitySearch<'_, '_> {
         Ok(works)
     }
 
-    /// Returns true if a plan converged and passes the checks as played, if necessary with more samples. Longer strides need
-    /// them, and a request with the value gets them too.
+    /// Returns true if a plan converged and passes the checks as played, if necessary with more samples. Longer strides need more
+    /// samples, and a later request with this value is refined too.
     fn is_consistent_refined(
         &mut self,
         robot: &Robot,

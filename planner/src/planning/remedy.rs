@@ -33,7 +33,7 @@ impl Report {
 }
 
 impl Motion {
-    /// Changes that make most motions easier, without those whose key has its largest value.
+    /// Changes that make most motions easier, without those whose key already has its largest value.
     pub fn changes_within_limits(&self) -> Vec<&'static str> {
         let changes = [
             (self.stance.len() < SAMPLES_MAX as usize, "more samples"),

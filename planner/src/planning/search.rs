@@ -125,7 +125,8 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Number of leading candidates that must find a request impossible before the search ends, without obstacles.
+/// Number of leading candidates that must find a request infeasible before the search ends. If starts lead round obstacles, all
+/// must.
 const HOPELESS: usize = 2;
 
 /// Race of candidates, each with a result.
@@ -139,7 +140,7 @@ struct State<T> {
     winner: Option<usize>,
     /// Flags of the candidates, true for failed ones.
     failed: Vec<bool>,
-    /// Number of leading candidates that must find the request impossible before the race ends.
+    /// Number of leading candidates that must find the request infeasible before the race ends.
     hopeless_max: usize,
     /// Number of candidates that have found the request infeasible.
     hopeless: usize,

@@ -161,7 +161,7 @@ impl<'a> State<'a> {
         self.sample.com_m.into()
     }
 
-    /// Mean angular velocity, from this state to the state `to`, of the link that carries end effector `j`, in the world frame,
+    /// Mean angular velocity of the link that carries end effector `j` between this state and the state `to`, in the world frame,
     /// rad/s.
     pub fn link_velocity(&self, j: usize, to: &Self, spacing_s: f64) -> Vector3<f64> {
         let (from, to) = (&self.pose.end_effectors[j], &to.pose.end_effectors[j]);

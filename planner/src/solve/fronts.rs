@@ -1,10 +1,11 @@
 //! Cholesky factorisation along the timeline, for a matrix JᵀWJ whose rows couple neighbouring slots.
 //!
-//! Slots are eliminated one after the other, the columns of each together. They form a *front*: a dense block of its pivots and
-//! of the later columns that they couple, its *border*. Variables that do not couple slots with each other, such as ground
-//! forces, form separate fronts before their slot. The update matrix of a front on its border is added to the front whose pivots
-//! contain the start of the border (multifrontal method: Duff and Reid, 1983). In a periodic motion, the last slots are in the
-//! border of every front: a ring is a chain with a wide border. The pattern of the rows alone determines the coupled columns.
+//! Slots are eliminated one after the other, the columns of each together. The columns of a slot form a *front*: a dense block of
+//! its pivots and of the later columns that they couple, its *border*. Variables that do not couple slots with each other, such
+//! as ground forces, form separate fronts before their slot. The update matrix of a front on its border is added to the front
+//! whose pivots contain the start of the border (multifrontal method: Duff and Reid, 1983). In a periodic motion, the last slots
+//! are in the border of every front, because a ring is a chain with a wide border. The pattern of the rows alone determines the
+//! coupled columns.
 //!
 //! A general sparse factorisation with an order of minimum fill cuts these matrices into many small blocks, and took three
 //! times as long.
@@ -79,8 +80,8 @@ impl Fronts {
         lines.map(move |(line, at)| (start + line, self.order[at]))
     }
 
-    /// Returns the destinations of the products of rows with the given columns. `None` if the rows couple columns that no front
-    /// contains together.
+    /// Returns the destinations of the contributions of rows with the given columns to JᵀWJ. `None` if the rows couple columns
+    /// that no front contains together.
     pub fn scatter_map(&self, rows: &[&[usize]]) -> Option<ScatterMap> {
         ScatterMap::of(rows, &self.position, &self.front_of, &self.fronts)
     }

@@ -17,10 +17,10 @@ use crate::formulation::rows::{Role, Row, Rows};
 const DAMPING: f64 = 1e-4;
 /// Maximum number of products of conjugate gradients.
 const PRODUCTS_MAX: usize = 150;
-/// Bounds of the relative residual that conjugate gradients leave. Near the minimum, the residual shrinks with the remaining
+/// Bounds of the relative residual at which conjugate gradients stop. Near the minimum, this residual shrinks with the remaining
 /// energy.
 const LEAVE: [f64; 2] = [1e-7, 0.2];
-/// Relative residual that conjugate gradients leave for derivatives.
+/// Relative residual at which conjugate gradients stop when they compute derivatives.
 const DERIVATIVE: f64 = 1e-5;
 /// Fraction of the predicted decrease below which a step is bent along curved constraints, as in Gauss-Newton.
 const BEND_BELOW: f64 = 0.25;

@@ -47,9 +47,9 @@ pub(super) fn first_order_shift(row: &Row, value: f64, shift: f64) -> f64 {
     }
 }
 
-/// Estimates shifts from the linearised rows at the end of a Gauss-Newton step, by the update of the method of multipliers.
-/// Near an optimum, the estimate is nearly exact. A plan without multipliers then need not leave its constraints first to find
-/// them.
+/// Estimates shifts from the linearised rows at the end of a Gauss-Newton step, by the update of the method of multipliers. Near
+/// an optimum, the estimate is nearly exact. A solve from a plan without multipliers then need not violate the constraints first
+/// to find them.
 pub(super) fn estimate(
     rows: &Rows,
     normal: &mut NormalEquations,

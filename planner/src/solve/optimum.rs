@@ -147,7 +147,7 @@ pub enum NoOptimum {
 /// Accuracy and limits of the solution of a linear system.
 #[derive(Clone, Copy)]
 struct Effort {
-    /// Relative residual that conjugate gradients leave, and relative change at which refinement ends.
+    /// Relative residual at which conjugate gradients stop, and relative change at which refinement ends.
     leave: f64,
     /// Maximum number of products with the Hessian per run of conjugate gradients.
     products: usize,

@@ -1,10 +1,11 @@
 //! Methods of the thesis, for comparison: a penalty on every constraint instead of multipliers, minimised by Newton's method
 //! (sec. 2.4.2, 2.4.3) or L-BFGS with a backtracking line search.
 //!
-//! Constraints have the weight 10 000, functional and choreography objectives 50. A plan meets its request if both are met as
-//! constraints. The centre of mass is eliminated, so that Eq. 2.11 has no second derivatives to filter. A Hessian that is not
-//! positive definite is regularised dynamically: the damping grows until their sum is positive definite. L-BFGS is a two-loop
-//! recursion of this crate. It shares line search, stop criteria and interruption with Newton's method, and reads no clock.
+//! Constraints have the weight 10 000, functional and choreography objectives 50. A plan meets its request if the residuals of
+//! both are within the tolerances of constraints. The centre of mass is eliminated, so that Eq. 2.11 has no second derivatives to
+//! filter. A Hessian that is not positive definite is regularised dynamically: the damping grows until their sum is positive
+//! definite. L-BFGS is a two-loop recursion of this crate. It shares line search, stop criteria and interruption with Newton's
+//! method, and reads no clock.
 
 use super::curvature::Curvature;
 use super::normal::NormalEquations;
@@ -41,7 +42,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Evaluates the rows, with functional objectives as costs.
+/// Evaluates the rows, with functional and choreography objectives as costs.
 fn evaluate(system: &System<'_>, unknowns: &Unknowns, reuse: Rows) -> Rows {
     let mut rows = system.rows(unknowns, reuse);
     for row in Arc::make_mut(&mut rows.rows).iter_mut().filter(|row| is_objective(row)) {

@@ -1,9 +1,9 @@
 //! Contact point of a skate in stance, which stays between the ends of the blade. One inequality row per skate and sample, m
 //! along the blade.
 //!
-//! The contact point moves along the blade as its link pitches. Its distance from the blade's middle is R sin θ. θ is the angle
-//! between ρ and the direction m of the middle, seen along the blade: |R t·m| ≤ R sin(L / 2R). The kink at the middle is
-//! harmless, because the row is far from active there.
+//! The contact point moves along the blade as its link pitches. Its distance from the blade's middle is R sin θ, where θ is the
+//! angle between ρ and the unit vector m to the middle, in the plane of the blade. With the rolling direction t, the row is
+//! |R t·m| ≤ R sin(L / 2R). The kink at the middle is harmless, because the row is far from active there.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};

@@ -1,5 +1,5 @@
-//! Clearance between end effectors (Eq. 2.10): |eʲ − eᵏ| ≥ rʲ + rᵏ + β for every pair on different links. One inequality row
-//! per pair and sample, m.
+//! Clearance between end effectors (Eq. 2.10): |eʲ − eᵏ| ≥ rʲ + rᵏ + β for every pair on different links. One inequality row per
+//! pair and sample, m. Points of the body have no rows.
 //!
 //! The row contains the distance, not its square, so that the residual is a clearance in metres.
 

@@ -1,9 +1,9 @@
-//! Lean of the body over its end effectors at the end of a motion at rest, compared with its start. With c the centre of mass, m
-//! the mean contact point and ψ the turn of the body, the rows are c₊ − m₊ − R(ψ)(c − m), m, for each horizontal component of the
-//! goal, and for a turn the rotation of the contact points less ψ, rad. The rotation is that of the best rigid fit.
+//! Lean of the body over its end effectors at the end of a motion at rest, compared with its start. c is the centre of mass, k
+//! the mean contact point and ψ the turn of the body. Each horizontal component of the goal has the row c₊ − k₊ − R(ψ)(c − k), m.
+//! A turn has a row with the rotation of the contact points less ψ, rad; this rotation is the best rigid fit.
 //!
 //! Without this cost, the body leans forward at the end and backward at the start, and feet and wheels move by less than the
-//! goal. It is no constraint, because a target of a foot may exclude an equal lean.
+//! goal. The row is no constraint, because a target of a foot may exclude an equal lean.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};

@@ -1,6 +1,7 @@
-//! Clearance to the ground: every capsule end and box corner is above the ground, and every joint origin of links without
-//! shapes. The margin of the robot file is added, unless the link carries an end effector. One inequality row per point and
-//! sample, m. Distances are of first order, (z − h)/|∇(z − h)|.
+//! Clearance to the ground of every capsule end and box corner, and of the joint origins of links without shapes. On terrain with
+//! edges, points along the capsules are added. Shapes keep the margin of the robot file, or their nominal height if that is
+//! smaller. Joint origins and links with an end effector have no margin. One inequality row per point and sample, m. Distances
+//! are of first order, (z − h)/|∇(z − h)|.
 //!
 //! Every point has a row, not only the lowest one of a link. A row of the lowest point would have a kink where that point
 //! changes. As in [`super::link_clearance`], rows are constant at large distances.

@@ -114,7 +114,7 @@ struct Torque<'w> {
     value_nm: f64,
     axis: Vector3<f64>,
     origin: Vector3<f64>,
-    /// Moment of inertia forces minus the moment of all other forces beyond the joint, about its origin, N·m.
+    /// Rate of change of the angular momentum beyond the joint minus the moment of all other forces there, about its origin, N·m.
     moment: Vector3<f64>,
     /// Sum of the ground forces beyond the joint, N.
     ground_force: Vector3<f64>,
@@ -122,7 +122,7 @@ struct Torque<'w> {
     arms: [Vector3<f64>; 3],
     /// Bodies that the joint carries, before and after the sample.
     carried: [CarriedPair<'w>; 2],
-    /// Factor from the sum of the samples' differences to the mean of a second derivative, 1/s².
+    /// Factor from a second difference of samples to the mean second derivative around the middle one, 1/s².
     per_h2: f64,
 }
 
@@ -174,7 +174,8 @@ impl<'w> Torque<'w> {
         }
     }
 
-    /// Adds `factor` times the derivative of the torque, and a factor times that of the torque of a rotor, to the next row.
+    /// Adds `factor` times the derivative of the torque to the next row. `rotor` contains a rotor and the factor of its torque,
+    /// whose derivative is added too.
     fn differentiate(&self, factor: f64, rotor: Option<(f64, Rotor)>, out: &mut RowWriter) {
         let Self { window, joint, axis, per_h2, .. } = self;
         let model = &window.problem.model;

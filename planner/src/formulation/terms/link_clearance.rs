@@ -1,9 +1,8 @@
-//! Clearance between links: d(a, b) ≥ β for every pair of shapes of limbs and body that no joint connects. β is the margin of
-//! the robot file. One inequality row per pair and sample, m.
+//! Clearance between links: d(a, b) ≥ β for every pair of shapes of limbs and body that no joint connects. β is the margin of the
+//! robot file, or the distance in the nominal pose if that is smaller. One inequality row per pair and sample, m.
 //!
-//! A distance depends only on the joints between the two links. Rows are constant from [`FAR_M`] beyond the margin, where they
-//! do not contribute to the energy. Most pairs are further apart; the bounding spheres of their shapes show this at almost no
-//! cost.
+//! A distance depends only on the joints between the two links. Rows are constant from [`FAR_M`] beyond the margin, where they do
+//! not contribute to the energy. Bounding spheres of the shapes identify these distant pairs, which are most, at almost no cost.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};

@@ -29,7 +29,7 @@ pub(super) fn mean_speed(
     first.ratios(motor).iter().map(speed).sum()
 }
 
-/// Adds `factor` times the derivative of the angle of a motor between two samples to the next row.
+/// Adds `factor` times the derivative of a motor's rotation between two samples to the next row.
 pub(super) fn differentiate(
     window: &Window,
     [from, to]: [usize; 2],
@@ -44,7 +44,7 @@ pub(super) fn differentiate(
     }
 }
 
-/// Difference of the angles of a motor at a window's three samples, as for a second derivative, rad.
+/// Second difference of a motor's angle over the three samples of a window, rad, times `per_h2`.
 pub(super) fn second_difference_rad(window: &Window, motor: usize, per_h2: f64) -> f64 {
     let of_pose = [0, 1, 2].map(|k| ratios(window, k));
     if let [Some(before), Some(here), Some(after)] = of_pose.map(|of| of.motor_rad(motor)) {

@@ -3,8 +3,8 @@
 //! per end effector and interval, m/s. The heights of contact points are the third component.
 //!
 //! Free wheels and blades have these rows also in intervals with one end in stance. They lift off and touch down along their
-//! rolling direction, at any speed along it. Feet and driven wheels may be too slow for that, so that their rows in such
-//! intervals are costs.
+//! rolling direction, at any speed along it. Feet and driven wheels may be too slow to lift off and touch down without slip.
+//! Their rows in such intervals are costs.
 //!
 //! On uneven ground, the contact point moves along the rim as the normal turns: about an edge it stands still while the wheel
 //! rolls. The velocity of the wheel's own rim there is (c₊ − c)/h + θ × ρ/h + ω a × ρ, with the centre c = e − ρ and the turn

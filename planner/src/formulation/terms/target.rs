@@ -25,7 +25,7 @@ const POSITION: [&str; 3] = ["forward_m", "left_m", "up_m"];
 /// Velocity fields of a target, by coordinate.
 const VELOCITY: [&str; 3] = ["speed_forward_m_s", "speed_left_m_s", "speed_up_m_s"];
 
-/// Targets in the middle interval of a window.
+/// Targets whose time refers to the middle sample of a window.
 fn here<'a>(window: &Window<'a>) -> impl Iterator<Item = &'a PlacedTarget> {
     let middle = window.at[1];
     window.problem.targets.iter().filter(move |placed| placed.middle == middle)

@@ -1,5 +1,6 @@
-//! Torque-speed lines of motors: |τ/τ_stall + q̇/ω₀| ≤ 1. One dimensionless inequality row per motor and interval. Joints use
-//! the torque at the start of the interval and the mean speed around it; wheels use values at the middle of the interval.
+//! Torque-speed lines of motors: |τ/τ_stall + q̇/ω₀| ≤ 1. One dimensionless inequality row per motor and interval. Joints use the
+//! torque at the first sample of the interval and the mean speed over both intervals around this sample. Wheels use values at the
+//! middle of the interval.
 //!
 //! When a motor drives its load, τ and q̇ have the same sign, and the row is the torque-speed line. When the motor brakes, the
 //! two partly cancel. The row is then satisfied whenever torque and speed are within their limits, which do not exceed the ends

@@ -1,10 +1,10 @@
 //! Welded wheels, and driven wheels that a motion holds still, do not turn relative to their link. One equality row per wheel
 //! and interval: the motor speed at the rim, m/s.
 //!
-//! The row replaces Eq. 2.15, a cross product of reference vectors of the link at both ends of the interval. That product
-//! depends on the choice of vectors unless the link turns about the wheel's axis alone. On a pitched shank, it forbids the foot
-//! to tilt and to yaw. Only the turn about the axis must vanish, ω h + Δα_yaw (v·a) − a·log(R₊Rᵀ), because a motor would
-//! produce it.
+//! The row replaces Eq. 2.15, a cross product of reference vectors of the link at both ends of the interval. That product depends
+//! on the choice of vectors unless the link turns about the wheel's axis alone. On a pitched shank, it forbids the foot to tilt
+//! and to yaw. A motor only turns the wheel about its axis a. The row is therefore the turn about this axis alone,
+//! ω h + Δα_yaw (v·a) − a·log(R₊Rᵀ) with the vertical v.
 
 use super::wheel_speed::MotorSpeed;
 use crate::families::Family;

@@ -1,7 +1,8 @@
 //! Ground of a sensed elevation map.
 //!
-//! A median removes noise and keeps walls. What is left is filtered as profiles are: smoothed for feet, dilated for swings,
-//! closed by a ball for wheels, blurred for the body. Feet stand on steppable cells, which are far from edges and walls.
+//! A median removes noise and keeps walls. The result is filtered like the profiles of terrain files: smoothed for feet, dilated
+//! for swings, closed by a ball for wheels, blurred for the body. Feet stand on steppable cells, which are far from edges and
+//! walls.
 
 use super::margins::{ContactMargins, DISC, WHEEL_DEVIATION, body_deviation_m, swing_deviation_m};
 use super::patch::{Border, Patch};
@@ -10,7 +11,7 @@ use rollwalk_multibody::ground::{ElevationGrid, ElevationMap, FieldError, Height
 use rollwalk_robot::Robot;
 use std::sync::Arc;
 
-/// Ratio of the deviation of heights from a plane, within the margin of a steppable cell, to the margin.
+/// Largest deviation of the heights around a steppable cell from a plane, as a fraction of the margin.
 const UNEVENNESS: f64 = 0.15;
 /// Largest slope of a steppable cell, as a tangent: 30°.
 const SLOPE_MAX: f64 = 0.58;
@@ -29,7 +30,7 @@ pub(super) struct Steppable {
 }
 
 impl Steppable {
-    /// Evaluates the cells of a denoised grid. Swings must have come down from their envelope.
+    /// Evaluates the cells of a denoised grid. A cell is steppable only if the envelope of swings is down to the ground there.
     fn new(
         field: &Arc<HeightField>,
         grid: &ElevationGrid,
@@ -94,8 +95,8 @@ impl Steppable {
     }
 }
 
-/// Slope of the plane through the heights within a distance of a cell, and the largest deviation from this plane, m. `None` at
-/// the rim of the grid.
+/// Slope of the least-squares plane through the heights within a distance of a cell, and their largest deviation from it, m.
+/// `None` at the rim of the grid.
 fn plane_fit(grid: &ElevationGrid, cell: [usize; 2], radius_m: f64) -> Option<(f64, f64)> {
     let near = grid.around_cell(cell, radius_m);
     let middle = grid.place_m(cell);

@@ -44,12 +44,12 @@ fn nominal_rad(robot: &Robot) -> Vec<f64> {
     robot.joints.iter().map(|joint| joint.nominal_rad).collect()
 }
 
-/// Standard deviation of a swing's envelope, m.
+/// Standard deviation of the filter that smooths a swing's envelope, m.
 pub(super) fn swing_deviation_m(margins: &ContactMargins) -> f64 {
     SWING_DEVIATION * margins.swing_reach_m
 }
 
-/// Standard deviation of the mean ground below the body, m.
+/// Standard deviation of the filter that gives the mean ground below the body, m.
 pub(super) fn body_deviation_m(robot: &Robot, margins: &ContactMargins) -> f64 {
     let model = Model::new(robot);
     let pose = model.pose_values(&model.standing_q(&nominal_rad(robot)));

@@ -31,8 +31,8 @@ impl Stand {
         self.map.clone()
     }
 
-    /// True if an end effector with this centre stands on this ground and not on the `planned` one of its next stance. A step
-    /// may be shorter than the distance over which the correction fades; the height then tells both apart.
+    /// True if an end effector with this centre stands on this ground and not on the `planned` one of its next stance. A step may
+    /// be shorter than the distance over which the correction fades. The height then distinguishes the two grounds.
     pub(super) fn is_below(&self, center_m: &Vector3<f64>, planned: &ElevationMap) -> bool {
         let off_m = |map: &ElevationMap| (map.height_above_m(center_m) - self.radius_m).abs();
         let near = (center_m - self.contact_m).xy().norm() < FADES_M;

@@ -11,13 +11,14 @@ use rollwalk_multibody::{Frames, RimContact};
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 
-/// Weight of what the pose must meet against what it should: distances per standing height.
+/// Weight of the conditions of the pose relative to its preferences. Residuals of conditions are distances over the standing
+/// height.
 const MUST: f64 = 100.0;
-/// Weight of clearance margins.
+/// Weight of missing clearance.
 const MARGIN: f64 = 5.0;
-/// Weight of wheels that turn away from the direction in which they roll, per sine.
+/// Weight of the sine of the angle between a wheel's axis and its axis in the standing robot.
 const ROLLING: f64 = 1.0;
-/// Weight of feet nearer to the middle of the body than where they stand. Such feet cannot lift the body without tipping it.
+/// Weight of feet nearer to the middle of the body than in the standing robot. Such feet cannot lift the body without tipping it.
 const INWARD: f64 = 1.5;
 /// Weight of joint angles off their nominal values, per rad.
 const NOMINAL: f64 = 0.3;
@@ -25,13 +26,13 @@ const NOMINAL: f64 = 0.3;
 const TURN_RAD: f64 = 2.8;
 /// Number of points of a limb's grid.
 const GRID: usize = 3000;
-/// Largest number of points of the grid of a limb with many joints, of which each has two angles.
+/// Maximum number of grid points of a limb with many joints, for each of which the grid has two angles.
 const GRID_MAX: usize = 10 * GRID;
 /// Largest number of angles of a joint in the grid.
 const ANGLES: usize = 24;
 /// Number of points of the grid that are improved.
 const IMPROVED: usize = 12;
-/// Number of damped steps.
+/// Number of damped Gauss-Newton steps.
 const STEPS: usize = 40;
 /// Damping factor beyond which no step helps.
 const DAMPING_MAX: f64 = 1e8;
@@ -56,7 +57,7 @@ pub(super) struct Misfit {
     pub off_m: f64,
 }
 
-/// Joints that hang on one joint of the body, with what they carry.
+/// Limb: joints beyond one joint of the body, with the feet and shapes that they carry.
 #[derive(Clone)]
 struct Limb<'m> {
     model: &'m Model,
@@ -72,7 +73,7 @@ struct Limb<'m> {
 
 impl LyingPose {
     /// Finds the pose of a robot with points on which its body lies. Limbs with joints for which `is_given` is true have no
-    /// misfits, because their pose comes from elsewhere.
+    /// misfits, because the motion file gives their angles.
     pub fn find(model: &Model, is_given: impl Fn(usize) -> bool) -> Self {
         let robot = model.robot();
         let mut q = model.nominal_q().clone();
@@ -152,8 +153,8 @@ impl<'m> Limb<'m> {
         }
     }
 
-    /// Misfits of the limb: heights of feet, overlaps of limbs with each other and depths in the ground. The function `each` gets
-    /// the distance by which a part is off, m, the missing margin, m, and the name of the part.
+    /// Deviations of the limb from the conditions: heights of feet, overlaps of limbs with each other and depths in the ground.
+    /// The function `each` receives the distance by which a part is off, m, the missing clearance, m, and the name of the part.
     fn musts(&self, frames: &Frames, mut each: impl FnMut(f64, f64, &dyn Fn() -> String)) {
         let (robot, clearance) = (self.model.robot(), self.model.clearance());
         for &j in &self.feet {
