@@ -403,7 +403,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     fn settle(&mut self, now_us: u64) {
         let mut first = true;
         while let Some(event) = self.events.pop() {
-            // Its action may have superseded the remaining events.
+            // The action of an earlier event may have superseded the remaining ones.
             debug_assert!(
                 !first || self.safety.can_arise(event),
                 "{event:?} in {:?}",

@@ -108,7 +108,7 @@ impl Limiter {
     ) -> Option<Target> {
         let last = self.last.get_mut(channel)?.as_mut()?;
         let (torque_nm, offset) = if target.torque_nm == 0.0 && last.torque_nm == 0.0 {
-            // Cost of a library without torques.
+            // Shortcut for libraries without torques.
             (0.0, 0.0)
         } else {
             let torque_nm = limited_torque(limits, last.torque_nm, target.torque_nm, self.period_s);

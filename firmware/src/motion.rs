@@ -261,7 +261,7 @@ impl Motion {
         }
         if let Stage::Tracking(track) = &self.stage {
             if !track.holds() {
-                // The answer contains the target of all gains.
+                // The set-points of an answer apply as they are, with any gains.
                 self.soft_gains.drop_leans();
             }
             let periods = setup.settings.ticks_per_frame().saturating_mul(WINDOW as u16);
@@ -343,7 +343,7 @@ impl Motion {
             _ => 1.0,
         };
         let period_s = setup.settings.period_s();
-        // Otherwise no look-up is needed.
+        // With full gains, the loop below skips the fractions.
         let may_be_soft = self.soft_gains.take_soft() || self.is_tracking();
         for i in 0..setup.config.channels.len() {
             let mut wanted = [1.0; 2];

@@ -189,7 +189,7 @@ impl<S: LibraryStore> LibraryStorage<S> {
         self.proof = Proof::None;
         let begun = self.store.begin(size, digest);
         if self.store.keeps_library() {
-            // The same library as before, or the previous one if that was on trial.
+            // The active library stays, but a library on trial gives way to the confirmed one.
             self.load(config);
         }
         match begun {

@@ -19,7 +19,7 @@
 //! A value beyond its scale is not sent: `encode` returns `None`. This cannot happen within the limits of a configuration that
 //! passed [`crate::config::RobotConfig::check`].
 //!
-//! A set-point whose torque rounds to 0 is sent in the frame without torque. Drives that do not support torque follow it, too.
+//! A set-point whose torque rounds to 0 is sent in the frame without torque. Drives without torque input can then follow it.
 //! Values beyond the scale of the other frames are sent in a wide frame, which fast wheels and large robots need.
 
 mod codes;
@@ -110,8 +110,8 @@ fn torque_frame(
 
 /// Least short code of a wide frame that does not fit a frame with torque: 2¹⁸ steps.
 const LEAST_WIDE: u64 = 12 << 7;
-/// Least codes of kp or kd, and of a torque limit, that do not fit a frame without torque: 655.36 N·m/rad, 65.536 N·m·s/rad and
-/// 327.68 N·m.
+/// Least short codes of kp or kd, and of a torque limit, that do not fit a frame without torque. They stand for 655.36 N·m/rad,
+/// 65.536 N·m·s/rad and 327.68 N·m.
 const LEAST_WIDE_GAIN: u64 = 9 << 7 | 32;
 const LEAST_WIDE_LIMIT: u64 = 8 << 7 | 32;
 
@@ -190,7 +190,7 @@ impl JointSetpoint {
         if let Some((id, word, wider)) = torque_word(frame, JOINT_TORQUE_SETPOINTS, LEAST_WIDE_GAIN)
         {
             let [p0, p1, ..] = word.to_le_bytes();
-            // The two highest bits of 16 are the sign's.
+            // The arithmetic shift extends the sign of the 14 bits.
             let velocity = ((word >> 14) as i16) >> 2;
             let setpoint = Self {
                 position_rad: signed(p0, p1, POSITION_STEPS)?,
@@ -287,7 +287,7 @@ impl WheelSetpoint {
 pub enum Control {
     /// Switches torque off, the state after power-on. Answered with a [`Feedback`].
     Disable,
-    /// Makes the actuator follow set-points. Earlier set-points are discarded: there is no torque until the first one after
+    /// Makes the actuator follow set-points. Earlier set-points are discarded: there is no torque until the first set-point after
     /// this command. Answered with a [`Feedback`].
     Enable,
     /// Requests a [`Feedback`] and changes nothing. The controller measures the pose with it before torque is on.

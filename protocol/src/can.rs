@@ -22,7 +22,7 @@ const EXTENDED: u32 = 1 << 31;
 impl Frame {
     /// Creates a frame; `None` if `data` is longer than 8 bytes.
     pub fn new(id: impl Into<Id>, data: &[u8]) -> Option<Self> {
-        // Byte by byte, because for a size optimiser a copy of slices contains a panic.
+        // Copies byte by byte, because a copy of slices would keep its panic in code that is optimised for size.
         let mut bytes = [0; 8];
         bytes.iter_mut().zip(data).for_each(|(slot, byte)| *slot = *byte);
         let raw = match id.into() {
@@ -131,7 +131,7 @@ pub const fn worst_case_bits_extended(len: u8) -> u32 {
     worst_case(54, len)
 }
 
-/// Maximum number of bits of a frame with `around` stuffed bits besides the data.
+/// Maximum number of bits of a frame that has `around` bits subject to stuffing, besides the data.
 const fn worst_case(around: u32, len: u8) -> u32 {
     let stuffed = around + 8 * if len > 8 { 8 } else { len as u32 };
     stuffed + (stuffed - 1) / 4 + UNSTUFFED_BITS

@@ -10,7 +10,7 @@ use core::fmt;
 use crate::coded::coded;
 
 coded! {
-    /// Reaction of the controller. If several are due, the strongest is taken.
+    /// Reaction of the controller. Of several reactions, the controller takes the strongest.
     #[derive(PartialOrd, Ord)]
     Severity {
         /// Normal operation: no reaction.

@@ -23,7 +23,7 @@
 //! ```
 //! use rollwalk_protocol::wire::{Action, Command, Node};
 //!
-//! let node = Node::new(1).expect("nodes are 1 to 14");
+//! let node = Node::new(1).expect("nodes are 0 to 14");
 //! let play = Command { seq: 3, action: Action::Play { code: 2, speed_64ths: 64 }, valid_until_ms: 500 };
 //! let frame = play.encode(node);
 //! assert_eq!(Command::decode(&frame), Ok((node, play)));

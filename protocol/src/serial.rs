@@ -123,7 +123,6 @@ impl<'a> Packet<'a> {
                 packet.frame(frame)?;
             }
             Self::Message { id, bytes } => {
-                // A message that is too long does not fit.
                 let [low, high] = id.to_le_bytes();
                 packet.put(&[KIND_MESSAGE, low, high])?;
                 packet.put(bytes)?;

@@ -110,7 +110,7 @@ impl fmt::Display for Number {
 
 impl<T: Copy + PartialOrd + Into<f64> + FromStr> fmt::Display for Limit<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // As the typed text will be read.
+        // Parses the text as the program would parse it if a user typed it.
         let is_allowed = |text: &str| {
             text.parse().is_ok_and(|given: T| match self {
                 Self::AtLeast(least) => given >= *least,
@@ -146,7 +146,7 @@ fn digits(value: f64, steps: f64) -> Option<heapless::String<32>> {
     let mut digits = heapless::String::new();
     write!(digits, "{:.decimals$}", value + steps * step).ok()?;
     while decimals > 0 && digits.ends_with(['0', '.']) {
-        // The decimal point is removed last.
+        // Zeros before the decimal point are digits of the number.
         decimals = if digits.pop() == Some('.') { 0 } else { decimals };
     }
     Some(digits)

@@ -287,7 +287,7 @@ fn unwrapped(bytes: &[u8]) -> Option<Vec<u8>> {
     let &[low, high, ref stuffed @ ..] = body.strip_prefix(&HEADER)?.strip_prefix(&[ALL])? else {
         return None;
     };
-    // Length: what comes after it, CRC included.
+    // The length counts the bytes after its field, CRC included.
     let whole = usize::from(u16::from_le_bytes([low, high])) == stuffed.len() + crc.len();
     if !whole || crc16(body) != u16::from_le_bytes(*crc) {
         return None;

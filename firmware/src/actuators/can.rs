@@ -14,7 +14,7 @@ use super::driver::order;
 impl Actuators {
     /// Returns the next frame for a bus, torque commands first.
     pub fn poll(&mut self, config: &RobotConfig, bus: u8) -> Option<Frame> {
-        // Every turn completes an order, or returns.
+        // Every iteration completes an order, or returns.
         loop {
             let driver = self.drivers.get_mut(usize::from(bus))?;
             // A board polls for frames far more often than frames exist.

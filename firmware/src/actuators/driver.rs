@@ -224,8 +224,8 @@ pub fn order(
     };
     let max_torque_nm = actuator.torque_limit_nm.unwrap_or(configured.max_torque_nm);
     let limits = &Channel { max_torque_nm, ..*configured };
-    // Only torque-on needs the pose; if it holds a position at once, it needs the pose of this moment. Otherwise the request is
-    // dropped, and will be repeated.
+    // Torque-on needs a known pose. If the drive then holds its position at once, the pose must also be fresh. Without such a
+    // pose the request is dropped, and the controller repeats it later.
     let holds =
         !(can.gains == UpdatePolicy::EverySetpoint || bus.control == ControlLoop::OnController);
     let feedback = match actuator.feedback() {

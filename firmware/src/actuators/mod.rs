@@ -135,7 +135,8 @@ impl Actuators {
 
     /// Returns the actuator that has been silent longest, and its silence in ticks.
     ///
-    /// The first of several counts: on a serial line, a silent servo silences all servos after it.
+    /// Among actuators with the same silence, it is the first: on a serial line, a silent servo also silences all servos after
+    /// it.
     pub fn most_silent(&self) -> Option<(usize, u16)> {
         let mut most = None;
         for (channel, actuator) in self.list.iter().enumerate() {

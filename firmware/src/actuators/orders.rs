@@ -60,7 +60,7 @@ impl PendingRequests {
         self.0 & request as u8 != 0
     }
 
-    /// Drops requests to switch torque or to query the pose: a set-point covers them.
+    /// Drops requests to switch torque or to query the pose, because a set-point replaces them.
     pub fn without_switches(self) -> Self {
         self.without(DriveRequest::Disable)
             .without(DriveRequest::Enable)

@@ -1,9 +1,8 @@
 //! Serial lines: a packet addresses all actuators of a line, and one actuator answers at a time.
 //!
-//! In a control period the controller sends torque commands, then set-points, then one query: for all poses, or now and then
-//! for temperature and voltage of one servo. It then stays silent until the
-//! end of the period to receive the answers. A stop is sent at once and may collide with an answer, so it is repeated until
-//! confirmed.
+//! In a control period the controller sends torque commands, then set-points, then one query. The query is for all poses, or now
+//! and then for temperature and voltage of one servo. The controller then stays silent until the end of the period to receive the
+//! answers. A stop is sent at once and may collide with an answer, so it is repeated until confirmed.
 
 use heapless::Vec;
 use rollwalk_protocol::actuators::bus::Protocol;
@@ -56,7 +55,7 @@ impl Actuators {
         }
         // The controller sends next, so a partly received answer ends here.
         self.take_answers(config, bus, true);
-        // Every turn completes an order, leaves an actuator out of an order, or returns.
+        // Every iteration completes an order, leaves an actuator out of an order, or returns.
         loop {
             let driver = self.drivers.get_mut(usize::from(bus))?;
             let transmission = driver.due_together(&self.list)?;

@@ -64,9 +64,10 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 let timeout_us = self.setup.settings.heartbeat_timeout_us;
                 match self.admit_frame(now_us, frame) {
                     Admission::Admitted => self.link.on_heartbeat(now_us, heartbeat, timeout_us),
-                    // A host without the key learns the clock, and from the answers to its commands what it lacks.
+                    // A host without the key receives the clock. The answers to its commands then report that authentication is
+                    // missing.
                     Admission::Missing => self.link.answer_heartbeat(now_us, heartbeat),
-                    // A host whose session has ended notices that it gets no answers.
+                    // Without answers, a host notices that its session has ended.
                     Admission::Wrong => {}
                 }
             }
@@ -89,7 +90,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 let ack = if self.admit_frame(now_us, frame) == Admission::Admitted {
                     self.tune(frame, request)
                 } else {
-                    // Tuning must not see the request, because the order of the host's requests must not change.
+                    // The request bypasses the tuning, because it must not advance the sequence of the host's requests.
                     tuning::unauthenticated(request)
                 };
                 self.link.acknowledge_parameter(ack);
@@ -286,7 +287,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         Err(result)
     }
 
-    /// Permits the transition between two states, also if the controller is already in `to`.
+    /// Checks that the controller may go from one state to another, or is already in `to`.
     fn may(&self, from: State, to: State) -> Result<(), CommandResult> {
         match self.state() {
             state if state == from || state == to => Ok(()),
@@ -390,7 +391,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         let frames =
             self.motion.set_goal(&library, node).map_err(|_| CommandResult::Unreachable)?;
         let moves = !self.motion.rests_in_safe(&library);
-        // RETURN from a halt; without a pause this has no effect.
+        // Ends a pause; in other states this has no effect.
         self.raise(now_us, Event::ResumeAsked);
         if moves {
             self.raise(now_us, Event::MotionStarted);

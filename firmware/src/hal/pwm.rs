@@ -115,7 +115,7 @@ impl<P: SetDutyCycle> PwmServo<P> {
             // The servo cannot damp.
             return self.let_go(self.status);
         }
-        // Angle that the gain turns into the torque, within the range of the pulse.
+        // Offset that the gain turns into the torque, dropped below if the pulse would be out of range.
         let offset_rad = setpoint.torque_nm / setpoint.kp_nm_rad;
         let offset_rad = offset_rad.clamp(-MAX_OFFSET_RAD, MAX_OFFSET_RAD);
         let duty = self.duty(setpoint.position_rad + offset_rad);

@@ -1,7 +1,7 @@
 //! Gains and limits that survive a power cycle.
 //!
 //! A set is one record of a separate [log](super::log). After an interrupted write, either the previous set or the new one is
-//! there, never a mixture. A record has 320 bytes, little-endian:
+//! there, never a mixture. A record has 320 bytes for a robot with up to 24 channels, little-endian:
 //!
 //! | offset | field | value |
 //! |---|---|---|
@@ -13,6 +13,8 @@
 //! | 8 | configuration u32 | hash |
 //! | 12 | values f32 | kp, kd, torque limit of each channel, then feed-forward if present; then 0 |
 //! | 316 | CRC-32C u32 | of bytes 0 to 315 |
+//!
+//! Records of larger robots have 800 bytes: up to 64 channels, and the CRC at offset 796.
 
 use embedded_storage::nor_flash::NorFlash;
 use heapless::Vec;
@@ -27,14 +29,14 @@ use super::{GeometryError, StoreError};
 /// Number of parameters of a channel.
 pub(crate) const PARAMETERS: usize = Parameter::MaxTorque as usize + 1;
 
-/// Length of a set, bytes: head, values, checksum, and padding to a multiple of 32 bytes, the largest write unit in use. Robots
-/// with up to 24 channels have short sets.
+/// Length of the longest set, bytes; see [`set_len`].
 pub const SET_LEN: usize = set_len(MAX_CHANNELS);
 const SHORT_CHANNELS: usize = 24;
 const LONG_CHANNELS: usize = 64;
 const MAGIC: u8 = 0xB3;
 
-/// Length of the sets of a robot with the given number of channels, bytes.
+/// Length of the sets of a robot with the given number of channels, bytes: 320 for up to 24 channels, 800 for more. A set
+/// consists of head, values, checksum, and padding to a multiple of 32 bytes, the largest write unit in use.
 pub const fn set_len(channels: usize) -> usize {
     let channels = if channels <= SHORT_CHANNELS { SHORT_CHANNELS } else { LONG_CHANNELS };
     // Saturates for the compiler, which checks the arithmetic of the firmware.

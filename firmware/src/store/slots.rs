@@ -29,7 +29,7 @@ pub enum GeometryError {
     EraseSize,
     /// Unsuitable capacity.
     ///
-    /// Libraries need at least four erase units, all of them mapped. Parameters need three units of at least 320 bytes. The
+    /// Libraries need at least four erase units, all of them mapped. Parameters need three units, each with room for a set. The
     /// largest flash is 4 GiB.
     Capacity,
 }

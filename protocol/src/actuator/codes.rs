@@ -46,9 +46,9 @@ const MAX_WIDE_SPEED: i32 = (1 << 19) - 1;
 /// Short code of 163.84 N·m in wide steps, the least that does not fit a 16-bit code: (128 + 32) · 2⁶ steps.
 const LEAST_WIDE_TORQUE: u32 = 7 << 7 | 32;
 
-/// Encodes speed and torque of a measurement in 32 bits: two 16-bit codes, or as an error the wide code if one of them would
-/// saturate. The wide code has the velocity in 20 bits in steps of 2 mrad/s, then the torque as a short code of 12 bits in steps
-/// of 16 mN·m. Values beyond its scale saturate; NaN becomes 0.
+/// Encodes speed and torque of a measurement in 32 bits. `Ok` contains two 16-bit codes. If one of them would saturate, `Err`
+/// contains the wide code: the velocity in 20 bits in steps of 2 mrad/s, then the torque as a short code of 12 bits in steps of
+/// 16 mN·m. Values beyond its scale saturate; NaN becomes 0.
 pub fn measurement(velocity_rad_s: f32, torque_nm: f32) -> Result<[u8; 4], [u8; 4]> {
     let velocity = saturated(velocity_rad_s, SPEED_STEPS, MAX_WIDE_SPEED);
     let torque = saturated(torque_nm, TORQUE_STEPS, i32::MAX);
@@ -71,7 +71,7 @@ pub fn from_measurement(bytes: [u8; 4], is_wide: bool) -> Option<(f32, f32)> {
         return Some((signed(v0, v1, SPEED_STEPS)?, signed(t0, t1, TORQUE_STEPS)?));
     }
     let word = u32::from_le_bytes(bytes);
-    // The sign of the 20 bits fills the upper ones.
+    // Extends the sign of the 20 bits.
     let velocity = (word as i32) << 12 >> 12;
     let torque = word >> 20;
     let magnitude = torque & SHORT_MOST;
@@ -107,12 +107,12 @@ pub const SHORT_MOST: u32 = (1 << 11) - 1;
 /// Encodes a non-negative value in an 11-bit short code: exponent e in the upper 4 bits, mantissa m in the lower 7. The code
 /// stands for m steps if e = 0, otherwise for `(128 + m) · 2^(e−1)` steps. The rounding error is at most half a step below 128
 /// steps, and 1/256 of the value above.
-// One copy in the image instead of one at each call; likewise below. so are the others.
+// One copy in the image instead of one at each call; likewise below.
 #[inline(never)]
 pub fn short(value: f32, per_unit: f32, rounding: u32) -> Option<u64> {
     let steps = value * per_unit;
     let code = if steps < 128.0 {
-        // A negative number and a NaN become 0, and are refused below.
+        // A negative number becomes 0, and is refused below.
         (steps + rounding as f32 / 65536.0) as u32
     } else {
         (steps.to_bits().saturating_add(rounding) >> 16).saturating_sub(SHORT_BIAS)

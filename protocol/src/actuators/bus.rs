@@ -154,7 +154,7 @@ pub enum ControlLoop {
 pub enum Pose {
     /// Measured by the actuators. Actuators that measure no position cannot be armed.
     Measured,
-    /// Assumed, for actuators that measure no position. The first pose is SAFE, in which the operator must put the robot. Later
+    /// Assumed, for actuators that measure no position. The first pose is SAFE, into which the operator must put the robot. Later
     /// poses are the previous set-points. A joint at another angle jumps to the assumed one.
     AssumedSafe,
 }

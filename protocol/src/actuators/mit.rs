@@ -2,7 +2,8 @@
 //!
 //! Documents: bgkatz/motorcontrol (`CAN_com`), CubeMars "AK Series Actuator Driver Manual V1.0.8", section 5.3. A set-point has
 //! 64 bits, most significant first: position 16, speed 12, kp 12, kd 12, torque 12. An answer consists of the drive's number 8,
-//! position 16, speed 12, torque 12, and from AK drives temperature 8, error 8. Seven bytes `FF` and one more are a command.
+//! position 16, speed 12, torque 12, and from AK drives temperature 8, error 8. A command consists of seven bytes `FF` and a
+//! command byte.
 //!
 //! Ranges depend on the model: with the ranges of another model, the torque is wrong. Zero speed and zero torque lie between
 //! two codes. The torque of a wheel compensates the rounding of its speed; see [`Mit::wheel`].
@@ -55,7 +56,7 @@ const fn model(name: &'static str, max_speed_rad_s: f32, max_torque_nm: f32) -> 
 }
 
 /// Supported models. AK drives have the ranges of section 5.3 of the manual. The mini cheetah has those of its published
-/// firmware. Its torque range depends on how the drive was built, so compare yours.
+/// firmware. Its torque range depends on the build of the drive, so compare it with yours.
 pub const MODELS: [Model; 7] = [
     model("AK10-9", 50.0, 65.0),
     model("AK60-6", 50.0, 15.0),

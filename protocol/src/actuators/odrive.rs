@@ -300,7 +300,7 @@ impl Codec for Odrive {
             }
             Command::Torque { torque_nm } => send(self.torque(node, torque_nm)?),
             Command::Query | Command::QueryReadings => return Err(Refusal::Unsupported("query")),
-            // The byte is 0.6's "identify", and not looked at by 0.5.
+            // Firmware 0.6 reads the byte as "identify"; 0.5 ignores it.
             Command::ClearFaults => send(frame(node, CLEAR_ERRORS, [0])),
             Command::Gains(gains) => self.gains(node, gains)?.into_iter().for_each(send),
             Command::Limits { speed_rad_s, torque_nm } => {

@@ -149,7 +149,8 @@ impl Validation<'_> {
         }
     }
 
-    /// Checks the names. Each must have a valid length and follow its length in one byte, with no other data in the section.
+    /// Checks the names. Each name must have a valid length and follow a byte with that length. The section must have no other
+    /// data.
     pub fn names(&self) -> Result<(), Reject> {
         let mut rest = self.library.payload(Section::Names).unwrap_or_default();
         let mut last = NodeId(0);

@@ -154,7 +154,7 @@ impl<'a> Library<'a> {
 
     /// Tracks of the library.
     pub(super) fn tracks(&self) -> &'static [Track] {
-        // A section that is there has a stride.
+        // A missing section has a stride of 0.
         let has_torques = self.span(Section::Torques).is_some_and(|span| span.stride > 0);
         if has_torques { &Track::ALL } else { &[Track::Values] }
     }
@@ -303,7 +303,7 @@ impl<'a> Library<'a> {
     /// Offset of a clip's first block in the track's section, and total length of its blocks, bytes.
     pub(super) fn clip_span(&self, track: Track, clip: ClipId) -> Option<(u32, u32)> {
         let record = self.span(track.clips())?.record(self.bytes, usize::from(clip.0))?;
-        // Frames follow the flags and the count.
+        // A record of values begins with flags and number of frames.
         let at = if track == Track::Values { 3 } else { 0 };
         Some((u32_at(record, at)?, u32_at(record, at + 4)?))
     }

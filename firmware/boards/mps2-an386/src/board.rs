@@ -61,7 +61,7 @@ impl Board {
         *steps = steps.wrapping_add(1);
         match input {
             None => {}
-            // The self test of the first library is not part of a control period either.
+            // The self test, which validates the stored library, is not part of a control period.
             Some(Input::Tick) if controller.state() == State::Boot => controller.tick(now_us),
             Some(Input::Tick) => cost.of_tick(|| controller.tick(now_us)),
             // While the robot is disarmed, a library is checked here. The check is not part of a control period.

@@ -101,8 +101,7 @@ fn commands(cost: &mut Cost) -> Option<[u32; 3]> {
     is_right.then_some([plain, proven, forged])
 }
 
-/// Counts of the signature check of a library at power-on. The check must fail if the library has `more` bytes than were
-/// signed.
+/// Counts of the signature check of a library at power-on. If `more` unsigned bytes follow the signed ones, the check must fail.
 fn signature(cost: &mut Cost, more: usize) -> Option<u32> {
     let mut file = [7; SHORT + MORE + SIGNATURE_BLOCK_LEN];
     let file = file.get_mut(..SHORT + more + SIGNATURE_BLOCK_LEN)?;

@@ -117,7 +117,7 @@ fn has_room() -> bool {
     unsafe { read_volatile(STATE) & STATE_TX_FULL == 0 }
 }
 
-/// Handles the two enabled interrupts. No crate exists for this board that names its interrupts.
+/// Handles the two enabled interrupts. No crate names the interrupts of this board.
 #[exception]
 unsafe fn DefaultHandler(_number: i16) {
     free(|cs| {

@@ -154,7 +154,7 @@ impl Bus {
         let fifo = regs.rxfs(0).read();
         if fifo.rfl() {
             self.report.lost = self.report.lost.saturating_add(1);
-            // Both flags are cleared in the interrupt of one.
+            // Clearing this interrupt flag also clears the flag in the FIFO's status.
             regs.ir().write(|w| w.set_rfl(0, true));
         }
         if fifo.ffl() == 0 {

@@ -38,7 +38,7 @@ impl EstopContact {
 
     /// Returns true if the contact opened since the previous call, however briefly.
     pub fn take_opened(&self) -> bool {
-        // The load is first, because a swap in every turn of the loop is slower.
+        // The load comes first, because a swap in every iteration of the main loop would be slower.
         OPENED.load(Ordering::Relaxed) && OPENED.swap(false, Ordering::Relaxed)
     }
 }

@@ -68,6 +68,6 @@ impl Port for Serial {
 #[interrupt]
 fn LPUART1() {
     WRITER.fill(|| LPUART1.isr().read().rxne().then(|| LPUART1.rdr().read().dr() as u8));
-    // An overrun would hold the interrupt.
+    // An uncleared overrun flag would keep the interrupt pending.
     LPUART1.icr().write(|w| w.set_ore(true));
 }

@@ -67,6 +67,6 @@ impl Transmitter for Sender {
 #[interrupt]
 fn USART3() {
     WRITER.fill(|| USART3.isr().read().rxne().then(|| USART3.rdr().read().dr() as u8));
-    // An overrun would hold the interrupt.
+    // An uncleared overrun flag would keep the interrupt pending.
     USART3.icr().write(|w| w.set_ore(true));
 }

@@ -76,7 +76,7 @@ pub fn start() {
     TICKS.watchdog_cycles().write(|w| w.set_watchdog_cycles(CYCLES));
     TICKS.watchdog_ctrl().write(|w| w.set_enable(true));
 
-    // As after power-on, whatever ran before.
+    // Puts these blocks into the state after power-on, whatever program ran before.
     RESETS.reset().modify(|w| {
         w.set_pio0(true);
         w.set_uart0(true);
@@ -109,7 +109,7 @@ fn lock(pll: Pll, vco_hz: u32, (first, second): (u8, u8)) {
     pll.pwr().modify(|w| w.set_postdivpd(false));
 }
 
-/// Takes peripherals out of reset, and waits until they are.
+/// Releases peripherals from reset, and waits until the release is complete.
 fn release(which: impl Fn(&mut embassy_rp::pac::resets::regs::Peripherals)) {
     let mut all = embassy_rp::pac::resets::regs::Peripherals(u32::MAX);
     which(&mut all);

@@ -415,7 +415,8 @@ impl Codec for Dynamixel {
         const fn packet(parameters: u32) -> u32 {
             10 + parameters + parameters / 3
         }
-        // Of 4 + 5 n and 4 + n parameters, a third is 2 + 2 n, also if both are rounded down separately.
+        // Stuffing adds at most a third of the 4 + 5 n and 4 + n parameters. Rounded down separately, both thirds add up to at
+        // most 2 + 2 n.
         const ONCE: u32 = 2 * (10 + 4) + 2;
         const EACH: u32 = 5 + 1 + 2 + packet(1 + PRESENT_BYTES as u32);
         if self.reads_fast && actuators <= MAX_PARTS as u32 {

@@ -78,9 +78,9 @@ pub fn packet(id: u8, instruction: u8, parameters: &[u8]) -> Option<Packet> {
 
 /// Removes the next packet from the bytes of a line.
 ///
-/// Bytes before a header are discarded. If the packet after a header is invalid, only its first byte is discarded, and the
-/// search continues behind it. An incomplete packet stays in the buffer. If the line `is_silent`, the rest is not coming, and
-/// the packet counts as invalid.
+/// Bytes before a header are discarded. If the packet after a header is invalid, only its first byte is discarded, and the search
+/// continues behind it. An incomplete packet stays in the buffer. If the line `is_silent`, an incomplete packet counts as
+/// invalid, since its rest is lost.
 pub fn take(buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Message> {
     match next(buffer, is_silent, false)? {
         ReceivedPacket::Message(message) => Some(message),
@@ -111,7 +111,7 @@ pub fn next(
     if is_silent && buffer.bytes().is_empty() {
         buffer.parts = None;
     }
-    // Every turn removes bytes, or ends a packet of parts whose beginning was removed before.
+    // Every iteration removes bytes, or ends a packet of parts whose beginning was removed before.
     while !buffer.bytes().is_empty() {
         if buffer.parts.is_none() {
             buffer.drop_front(header_at(buffer.bytes()));

@@ -126,7 +126,7 @@ impl Feetech {
             Command::Disable | Command::ClearFaults => all(&[Write::byte(SWITCH, 0)]),
             Command::EnableJoint { measured_rad } => {
                 let [p0, p1] = position(measured_rad)?;
-                // On the way to a goal, only the motor limits the speed, but set-points are limited.
+                // The servo's own speed limit is as high as the motor allows, because the set-points are limited already.
                 let [v0, v1] = steps(self.model.max_velocity);
                 all(&[Write { range: MOTION, data: [0, p0, p1, 0, 0, v0, v1] }, on])
             }

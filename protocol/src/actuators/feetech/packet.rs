@@ -50,11 +50,11 @@ pub struct Answer {
 
 /// Removes the next answer from the bytes of a line, and all bytes before it.
 ///
-/// The controller's own packets come back on a half-duplex line, with the broadcast address; they are dropped. A header
-/// followed by an impossible length is rejected, since an 8-bit checksum alone would sometimes accept it. An incomplete packet
-/// stays in the buffer, unless the line `is_silent`: then the rest is not coming.
+/// The controller's own packets come back on a half-duplex line, with the broadcast address; they are dropped. A header followed
+/// by an impossible length is rejected, since an 8-bit checksum alone would sometimes accept it. An incomplete packet stays in
+/// the buffer. If the line `is_silent`, its rest is lost, and it is dropped.
 pub fn take(buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Answer> {
-    // Every turn removes bytes.
+    // Every iteration removes bytes.
     while !buffer.bytes().is_empty() {
         let length = match *buffer.bytes() {
             [0xFF, 0xFF, BROADCAST, length, ..] if length > 2 => length,
