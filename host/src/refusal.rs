@@ -37,12 +37,16 @@ pub fn session_refusal(why: NoSession) -> &'static str {
 pub fn command_refusal(result: CommandResult) -> &'static str {
     match result {
         CommandResult::Ok => "the request was not refused",
-        CommandResult::UnknownCode => "no motion of the active library has this code",
+        CommandResult::UnknownCode => {
+            "no motion of the active library has this code; `rollwalk library inspect` lists the codes"
+        }
         CommandResult::WrongState => "the present state of the robot does not allow this command",
         CommandResult::Expired => {
             "the command arrived too late, because this computer or the bus is busy; try again"
         }
-        CommandResult::Unreachable => "the motion graph has no route to this motion",
+        CommandResult::Unreachable => {
+            "no transitions lead to this motion; add a [[transition]] to the library file"
+        }
         CommandResult::NotArmed => "torque is off; arm first",
         CommandResult::NoLibrary => "the controller has no valid library; flash a library first",
         CommandResult::WrongNonce => "the confirmation did not match the request; try again",
@@ -50,7 +54,8 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
             "the library of the controller was built for another robot; flash one for this robot"
         }
         CommandResult::PoseUnknown => {
-            "an actuator does not report its position, or its joint is outside the limits"
+            "an actuator does not report its position, or its joint is outside its limits; `rollwalk \
+             doctor` names the joint"
         }
         CommandResult::OutOfOrder => {
             "another program sent a command at the same time; \

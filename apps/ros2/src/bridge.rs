@@ -347,7 +347,11 @@ impl<'a> Bridge<'a> {
                 outcome: AnsweringEvent::Driven,
                 since_us: now_us,
             }),
-            Err(why) => self.graph.answer(&call, false, &format!("not driven: {why}")),
+            Err(why) => self.graph.answer(
+                &call,
+                false,
+                &format!("the robot does not follow velocities: {why}"),
+            ),
         }
     }
 

@@ -53,7 +53,7 @@ pub fn describe(robot: &Robot) -> String {
     if let Some(lag_s) = robot.joint_lag_s() {
         let _ = writeln!(
             text,
-            "\njoints lag by up to kd_nm_s_rad / kp_nm_rad = {:.1} ms, because their servos accept no speed with a set-point",
+            "\njoints lag by up to kd_nm_s_rad / kp_nm_rad = {:.1} ms, because their servos accept no speed with a setpoint",
             1e3 * lag_s
         );
     }

@@ -60,8 +60,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     if ours != theirs {
         let report = miette!(
             help = format!(
-                "wrong file, or wrong robot: rollwalk discover --bus {} lists the robots; if the \
-                 firmware is old, build it for this robot",
+                "flash a library of the controller's robot, or select another controller with \
+                 --node: rollwalk discover --bus {} lists them; if the firmware is old, build it for \
+                 this robot",
                 args.link.bus
             ),
             "{} is for {} (configuration {ours:08x}), but the controller is for {} (configuration \

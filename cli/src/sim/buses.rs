@@ -38,8 +38,9 @@ pub fn check_kinds(robot: &Robot, names: &[BusName]) -> miette::Result<()> {
             };
             return Err(miette!(
                 help = format!("give {is} with --actuators, such as {right}"),
-                "bus {number} of {} is {is} ({speaks}), which {name} is not",
-                robot.name
+                "bus {number} of {} is {is} ({speaks}), but {name} carries {}",
+                robot.name,
+                if name.carries_bytes() { "bytes of servos" } else { "CAN frames" }
             ));
         }
     }

@@ -275,7 +275,7 @@ impl Pilot {
             None if self.again_us > 0 && now_us >= self.again_us => {
                 self.rests = true;
                 let text = if self.is_scripted {
-                    "the controller does not follow setpoints"
+                    "the controller does not follow setpoints; `rollwalk doctor` names the cause"
                 } else {
                     "the controller does not follow setpoints; steer to try again"
                 };

@@ -76,7 +76,7 @@ impl Operator {
             return Err(why);
         }
         if self.link.state().is_none_or(has_torque) {
-            return Err("the robot is not disarmed".into());
+            return Err("the robot is not disarmed; disarm it first".into());
         }
         let hello = self.hello.ok_or("the controller has not reported its identity yet")?;
         Ok(hello.max_block)
@@ -125,7 +125,9 @@ impl Operator {
         let (weight, text) = if found == Some(sent) {
             (Weight::Note, "the controller uses the transferred library")
         } else {
-            (Weight::Warning, "the controller uses another library than the transferred one")
+            let text = "the controller uses another library than the transferred one; transfer the \
+                library again";
+            (Weight::Warning, text)
         };
         self.log.notify(now_us, weight, text);
     }

@@ -77,7 +77,7 @@ pub enum CourseError {
     /// Solves found no acceptable plan before the last accepted one ended.
     #[error(
         "no plan met the constraints for {for_s:.1} s; the worst residual, of `{constraint}`, is \
-         {level:.1} times its tolerance"
+         {level:.1} times its tolerance: steer slower"
     )]
     NoPlan {
         /// Time since the last accepted plan began, s.

@@ -32,7 +32,7 @@ impl fmt::Display for Conclusion<'_> {
                 "consistent: no residual exceeds its tolerance, at the samples or as played",
             ),
             Judgement::TakenBack => {
-                f.write_str("does not keep its goal at rest: ")?;
+                f.write_str("reaches its goal only by leaning: ")?;
                 match &report.taken_back {
                     Some(taken_back) => write!(
                         f,

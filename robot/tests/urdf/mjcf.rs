@@ -78,7 +78,7 @@ fn what_stands_for_other_elements_is_named_with_what_writes_them() {
 fn faults_name_the_element_the_value_and_what_would_be_right() {
     let cases = [
         ("<body name=\"leg\" pos=\"0 0\"/>", "body `leg`: `pos` is \"0 0\"; 3 finite numbers"),
-        ("<body name=\"leg\" quat=\"0 0 0 0\"/>", "its orientation is none"),
+        ("<body name=\"leg\" quat=\"0 0 0 0\"/>", "its orientation is not a rotation"),
         (
             "<body name=\"leg\"><joint name=\"j\" type=\"screw\"/></body>",
             "`type` is \"screw\"; give hinge",

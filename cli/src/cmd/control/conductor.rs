@@ -203,7 +203,8 @@ impl<'p> Conductor<'p> {
         let streams = status.state == State::Streaming;
         let begun_us = *self.begun_us.get_or_insert(now_us);
         if self.phase == Phase::Arming && now_us - begun_us > ARMED_US {
-            operator.notify(now_us, Weight::Warning, "the robot is not armed after 30 s");
+            let text = "the robot is not armed after 30 s; `rollwalk doctor` names the cause";
+            operator.notify(now_us, Weight::Warning, text);
             return self.end(now_us, operator);
         }
         match (self.phase, status.state) {
@@ -251,7 +252,8 @@ impl<'p> Conductor<'p> {
     fn arm(&mut self, now_us: u64, view: &View, operator: &mut Operator) {
         let Some(hello) = &view.hello else { return };
         if hello.library != Some(self.library) {
-            let text = "the controller has another library: build and flash this library first";
+            let text = "the controller has another library: build this library with `rollwalk \
+                library build`, and flash it with `rollwalk flash`";
             operator.notify(now_us, Weight::Refused, text);
             self.end(now_us, operator);
         } else if now_us >= self.again_us && view.asking.is_none() {
@@ -387,8 +389,8 @@ impl<'p> Conductor<'p> {
                 let latency_s = self.delays_s.get(self.delays_s.len() / 2).copied();
                 let latency_s = latency_s.unwrap_or(2.0 * self.tick_s);
                 if latency_s >= LATENCY_MAX_S {
-                    let text = "setpoints act 50 ms or more after their sample: the link or this \
-                        computer is too slow";
+                    let text = "setpoints act 50 ms or more after their sample, because the link \
+                        or this computer is too slow: end other programs, or give a lower --rate";
                     operator.notify(now_us, Weight::Refused, text);
                     return self.end(now_us, operator);
                 }

@@ -338,7 +338,7 @@ impl<'a> App<'a> {
             _ => "nothing was planned; ".to_owned(),
         };
         let (Some(status), Some(condition)) = (view.status, view.condition) else {
-            words += "the controller never answered";
+            words += "the controller never answered; `rollwalk doctor` finds the cause";
             return DriveResult { words, exit: Exit::NotDone };
         };
         if let Some(steering) = self.unplanned.filter(|_| !is_whole) {

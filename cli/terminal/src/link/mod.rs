@@ -195,12 +195,18 @@ impl LinkArgs {
                 }
             }
             SessionError::LibraryRefused { reply } if is_of_other_robot(reply) => {
-                format!("wrong file, or wrong robot: rollwalk discover --bus {bus}")
+                format!(
+                    "flash a library of the controller's robot, or select another controller with \
+                     --node: rollwalk discover --bus {bus} lists them"
+                )
             }
             SessionError::LibraryRefused { reply }
                 if reply.result == TransferResult::WrongState =>
             {
-                format!("rollwalk disarm --bus {bus}, or after a stop rollwalk clear --bus {bus}")
+                format!(
+                    "disarm the robot: rollwalk disarm --bus {bus}; after a stop, clear it: rollwalk \
+                     clear --bus {bus}"
+                )
             }
             // These messages name the remedy themselves.
             SessionError::ParameterRefused { .. }
@@ -248,7 +254,7 @@ fn remedy(
         }
         (WrongState, Some(_)) if what == CLEAR => return None,
         (NoLibrary | ConfigMismatch, _) => {
-            format!("rollwalk flash LIB.rwl --robot ROBOT.toml --bus {bus}")
+            format!("flash a library: rollwalk flash LIB.rwl --robot ROBOT.toml --bus {bus}")
         }
         (FaultPresent | PoseUnknown | WrongNonce | Expired | OutOfOrder | WrongState, _) => {
             format!("find the cause and its remedy: rollwalk doctor --bus {bus}")

@@ -151,7 +151,7 @@ fn us_since(start: Instant) -> u64 {
 /// torque, is not done.
 pub fn report_exit(view: &View) -> Exit {
     let (Some(status), Some(condition)) = (view.status, &view.condition) else {
-        output::print_line("the controller never answered");
+        output::print_line("the controller never answered; `rollwalk doctor` finds the cause");
         return Exit::NotDone;
     };
     if is_at_rest(&status) {

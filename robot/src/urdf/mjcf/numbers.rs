@@ -135,7 +135,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
             Some(UnitQuaternion::identity())
         };
         if turned.is_none() {
-            let message = format!("{}: its orientation is none", called(of.node));
+            let message = format!("{}: its orientation is not a rotation", called(of.node));
             self.fault(
                 of.node,
                 message,
