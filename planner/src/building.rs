@@ -74,7 +74,7 @@ pub enum LibraryMismatch {
         /// Name of the plan file.
         at: String,
     },
-    /// A motion is for a terrain, and its name in the library does not say so.
+    /// The name of a motion for a terrain contains no place.
     #[error("{library}: motion `{motion}` is for a terrain (see {at})")]
     #[diagnostic(help(
         "name it after its place, such as `{motion}@stairs`: the controller then plays it only if \

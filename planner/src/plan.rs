@@ -210,7 +210,7 @@ impl SolveSummary {
 pub enum StartOutcome {
     /// The solve converged, failed between the samples or was interrupted. No other start is tried.
     Decided,
-    /// The request looks impossible from this start. If the first two starts both find this, no others are tried.
+    /// The request seems infeasible from this start. If the first two starts agree, no others are tried, except round obstacles.
     Hopeless,
     /// The solve failed; another start may succeed.
     Failed,

@@ -18,8 +18,8 @@
 //! A [`Course`] plays horizons one after the other without feedback, as set-points.
 //!
 //! A solve starts from the gait plus the measured error, which fades (`start`). Only footfalls are carried from one plan to the
-//! next, so that a failed plan leaves no trace. Structure that does not depend on values is kept for each footfall pattern, as
-//! in [`Editing`](crate::Editing).
+//! next, so that a failed plan does not affect later ones. Structure that does not depend on values is kept for each footfall
+//! pattern, as in [`Editing`](crate::Editing).
 
 mod course;
 mod error;
@@ -324,7 +324,7 @@ impl Horizon {
         self.footing.is_level()
     }
 
-    /// Ground through the contact points of end effectors on the ground, whatever the map says.
+    /// Ground maps corrected to pass through the contact points of end effectors on the ground.
     fn stands(&self, MeasuredState { state, touches }: MeasuredState<'_>) -> Vec<Option<Stand>> {
         if self.is_level() {
             return Vec::new();

@@ -54,7 +54,7 @@ pub struct PlanSpline {
     still: Vec<bool>,
     /// Contact flags `[sample][end_effector]`, including the end of the last interval.
     stance: Vec<Vec<bool>>,
-    /// Yaw of the wheel axes `[sample][end_effector]`, rad. A yaw between samples is unwrapped to be near it.
+    /// Yaw of the wheel axes `[sample][end_effector]`, rad. Yaws between samples are unwrapped to be near these.
     yaw_rad: Vec<Vec<f64>>,
     /// Ground forces `[sample][end_effector]`, including the end of the last interval.
     force_n: Vec<Vec<Vector3<f64>>>,

@@ -40,7 +40,7 @@ pub enum Start {
     /// Standing, moved evenly towards the goal. With a seed other than 0, the joints swing slightly, so that different seeds
     /// give different starts.
     Standing,
-    /// Standing start, moved round obstacles. The argument counts the paths round them, the shortest first.
+    /// Standing start, moved round obstacles. The argument is the index of the path among those round them, the shortest first.
     Detour(usize),
     /// Standing start with a smooth random swing of every joint.
     Sinusoid,
@@ -113,8 +113,8 @@ pub(crate) fn without_halving(robot: &Robot, motion: &Motion) -> Start {
 
 /// Returns true if an end effector that touches the ground rolls freely and can be steered.
 ///
-/// Blades cannot be steered: two wheels of one link in stance prevent a turn. A swing of their joints starts far from any
-/// feasible motion, while strokes develop from standing.
+/// Blades that consist of two wheels of one link cannot be steered, because the two wheels prevent a turn in stance. A swing of
+/// the joints starts far from any feasible motion of such blades, while strokes develop from standing.
 fn stands_on_free_wheels(robot: &Robot, motion: &Motion) -> bool {
     let shares_link = |j: usize| {
         let link = robot.end_effectors[j].link;

@@ -23,8 +23,9 @@ const REQUESTS: usize = 2;
 /// Violation of a family, as a fraction of the largest violation of any family, above which the diagnosis names the family even
 /// without a feasible value.
 const LEAST_SHARE: f64 = 0.05;
-/// Smallest violation of [`FOOTFALLS`] together, relative to the largest family, for one of them to be named. Balance, flight
-/// and free feet all violate them.
+/// Smallest sum of the violations of [`FOOTFALLS`], as a fraction of the largest violation of a family, above which the diagnosis
+/// names one of them. Their violations are added, because lack of balance, long flights and feet off the ground violate all of
+/// them.
 const LEAST_OF_FOOTFALLS: f64 = 0.3;
 /// Constraints that are violated if the footfalls are infeasible.
 const FOOTFALLS: [Family; 3] =
@@ -38,7 +39,7 @@ const LITTLE_CHANGE: f64 = 0.5;
 const HOPELESS_CHANGE: f64 = 1.5;
 /// Rank of groups without an estimated feasible value; such groups come last.
 const LAST_RANK: f64 = 1e3;
-/// Smallest fraction of a group's strongest pull with which a row counts for the time span.
+/// Fraction of a group's strongest pull above which a row belongs to the time span of the culprit.
 const PULLING: f64 = 0.1;
 /// Smallest divisor of a change, m or rad, so that fields with the value 0 have a relative change too.
 const COMPARED_WITH: f64 = 0.1;

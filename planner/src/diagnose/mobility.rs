@@ -22,7 +22,7 @@ pub struct Mobility {
     could_steer: bool,
     /// True if the goal is sideways or a turn, and all joint axes are lateral. Feet then move in forward planes only.
     is_planar_aside: bool,
-    /// True if the duration is below the longest of a motion.
+    /// True if the duration is below the maximum of a motion.
     could_last: bool,
 }
 

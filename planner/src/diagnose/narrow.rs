@@ -1,4 +1,4 @@
-//! Obstacles across the path of a motion: gaps that are too narrow for the robot, and obstacles whose path round them is long.
+//! Obstacles across the path of a motion: gaps that are too narrow for the robot, and obstacles with a long path round them.
 
 use crate::families::Family;
 use crate::plan::Culprit;
@@ -12,7 +12,7 @@ struct Met<'p> {
     obstacle: &'p Obstacle,
     /// Extent with the margin of the obstacle.
     is: Extent,
-    /// Extent as the base of the robot sees it.
+    /// Extent enlarged by that of the robot.
     seen: Extent,
 }
 

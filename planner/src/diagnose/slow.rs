@@ -22,8 +22,8 @@ struct Swing {
     height_m: f64,
 }
 
-/// Returns the joint that does most of the swing that needs most of the speed limits, if even all joints at their limits
-/// are too slow for it.
+/// Finds the swing that is most demanding relative to the speed limits. If all joints of its limb at their limits are too slow
+/// for it, returns the joint that contributes most to the swing.
 pub(super) fn too_slow_to_step(problem: &Problem) -> Option<Culprit> {
     let tree = problem.model.tree();
     let robot = tree.robot();

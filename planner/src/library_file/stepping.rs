@@ -37,8 +37,7 @@ fn lifted(robot: &Robot, foot: usize, motions: &[&Motion]) -> Option<usize> {
     if stays { None } else { motions.iter().find_map(lifted) }
 }
 
-/// Returns the number of end effectors that step in transitions between motions. At least one of the motions lifts each of
-/// them.
+/// Returns the number of end effectors that step in transitions between motions, because at least one of the motions lifts them.
 pub fn count_of_steps(robot: &Robot, motions: &[&Motion]) -> usize {
     (0..robot.end_effectors.len()).filter(|&foot| lifted(robot, foot, motions).is_some()).count()
 }

@@ -1,4 +1,4 @@
-//! Plans on feet for a robot that lies in other motions: with the points of its body in the air.
+//! Plans of motions on feet for a robot that lies in other motions. The points of its body are in the air.
 
 use super::{EndEffectorSample, Plan, Sample};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};

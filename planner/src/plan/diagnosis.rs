@@ -30,7 +30,7 @@ impl Diagnosis {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// The constraints, linearised at the nearest point, contradict each other: no small change meets them.
+    /// The constraints, linearised at the point with the least violation, contradict each other: no small change meets them.
     Contradiction,
     /// The constraints remain far beyond their tolerances even without costs.
     FarOff,
@@ -60,11 +60,11 @@ pub struct Culprit {
     pub subject: Option<String>,
     /// First and last time at which the constraint contributes to the violation, s.
     pub time_s: [f64; 2],
-    /// Largest residual of the constraint at the nearest point.
+    /// Largest residual of the constraint at the point with the least violation.
     pub worst: f64,
     /// Unit of `worst`, `given` and `would_do`. A given duration is in seconds regardless of this unit.
     pub unit: String,
-    /// Fraction of the violation at the nearest point that the constraint contributes, 0 to 1.
+    /// Fraction of the least violation that the constraint contributes, 0 to 1.
     pub share: f64,
     /// Field of the motion or robot file with the value that the constraint compares with, or [`DURATION`]. `null` if there is
     /// no such single value.

@@ -11,7 +11,7 @@ pub enum StartKind {
     Standing,
     /// Smooth random swing of every joint.
     Sinusoid,
-    /// Standing pose, moved round obstacles. The seed counts the paths round them, the shortest first.
+    /// Standing pose, moved round obstacles. The seed is the index of the path among those round them, the shortest first.
     Detour,
     /// Plan of the same motion with half the samples.
     Coarse,

@@ -59,7 +59,7 @@ impl Extent {
         Self { height_m: found.height_m.map(|height_m| height_m - ground_m), ..found }
     }
 
-    /// Extent as the base of a robot sees it: enlarged by the robot.
+    /// Extent enlarged by that of the robot, so that the robot counts as a point at its base.
     #[must_use]
     pub fn seen_by(&self, body: &Self) -> Self {
         let Self { along_m, across_m, height_m } = *self;
@@ -70,7 +70,7 @@ impl Extent {
         }
     }
 
-    /// Returns true for an obstacle, as the base sees it, on the straight path to the goal.
+    /// Returns true if an obstacle, enlarged by the robot, is on the straight path to the goal.
     pub fn is_in_path(&self, length_m: f64) -> bool {
         contains(self.across_m, 0.0) && self.along_m[1] > 0.0 && self.along_m[0] < length_m
     }

@@ -1,14 +1,14 @@
 //! Assignment of footholds to the patches of a terrain, and the ground at each contact of the timeline.
 //!
-//! A stance stays on its patch during a solve: a foothold on the wrong side of a wall would never cross it. Its patch is the one
-//! nearest to the foothold of a robot that moves to the goal at constant velocity.
+//! A stance keeps its patch during a solve, because a foothold on the wrong side of a wall would never cross it. The patch is the
+//! one nearest to the foothold of a robot that moves to the goal at constant velocity.
 
 use super::Problem;
 use super::contact_ground::ContactGround;
 use nalgebra::{Rotation2, Vector2, Vector3};
 use rollwalk_multibody::parts::parts;
 
-/// Distance of points along a limb that keep clear of edges, m.
+/// Distance between points of a limb that must keep clear of edges, m.
 const LIMB_SPACING_M: f64 = 0.03;
 
 impl Problem {
@@ -24,7 +24,7 @@ impl Problem {
         }
     }
 
-    /// Sets the ground at all contacts, and what keeps clear of ground and obstacles.
+    /// Sets the ground at all contacts, and the points and parts that must keep clear of ground and obstacles.
     pub(crate) fn assign_footholds(&mut self) {
         self.assign_clearance();
         let count = self.layout.end_effectors.len();

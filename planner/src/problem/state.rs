@@ -15,7 +15,8 @@ pub struct State {
     pub pose: Pose,
     /// Contact frames of the end effectors, in robot order.
     pub frames: Vec<ContactFrame>,
-    /// Angular momentum in the interval to the next timeline sample, times its length. `None` at the last timeline sample.
+    /// Angular momentum in the interval to the next timeline sample, times the interval's length. `None` at the last timeline
+    /// sample.
     pub swept_to_next: Option<SweptMoment>,
 }
 

@@ -1,8 +1,9 @@
 //! Penalties, weights and margins of the formulation.
 
-/// Penalties, weights and margins. The defaults gave the best results in measurements, and each field describes its effect on
-/// the plan. Weights of costs are per sample at a spacing of 0.05 s. `Problem::per_time` converts them to the actual spacing,
-/// so that more samples refine a plan without changing the balance of its costs.
+/// Penalties, weights and margins. The defaults gave the best results in measurements, and each field describes its effect on the
+/// plan. Weights of costs over the whole motion are per sample at a spacing of 0.05 s. `Problem::per_time` converts them to the
+/// actual spacing, so that more samples refine a plan without changing the balance of its costs. `end_lean` and `lift_off_slip`
+/// are per event instead.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Weights {
     /// Penalty of every constraint. Multipliers make constraints exact; the penalty determines the pull of the first steps
@@ -28,8 +29,8 @@ pub struct Weights {
     /// Pull of wheel speeds towards a constant (differences of rim speed, m/s), because wheels have inertia. If too low,
     /// transitions require wheel accelerations of 50 rad/s². If too high, legs lean where wheels should roll.
     pub wheel_smoothness: f64,
-    /// Pull of feet and driven wheels towards standstill (m/s) in the interval of lift-off or touch-down, in which force and
-    /// foot leave the ground together. If too low, the force is missing. If too high, swings are too fast.
+    /// Pull of feet and driven wheels towards standstill (m/s) in the interval of lift-off or touch-down, in which the foot still
+    /// carries force. If too low, this force is missing as played. If too high, swings are too fast.
     pub lift_off_slip: f64,
     /// Pull of the body's velocity towards the requested one in steered motions (m/s and rad/s). If too low, the robot follows
     /// late, and too slowly if its legs must leave their posture. If too high, feet reach the limits of friction after a push,
@@ -60,5 +61,5 @@ impl Default for Weights {
     }
 }
 
-/// Sample spacing at which the weight of a cost is the factor of its squares, s.
+/// Sample spacing at which `Problem::per_time` is 1, s.
 pub(super) const WEIGHT_INTERVAL_S: f64 = 0.05;

@@ -30,7 +30,7 @@ pub(super) struct Footholds<'a> {
     pub ground: &'a Footing,
     /// Placements of the body at the samples of the horizon, and one interval later.
     pub path: &'a [Placement],
-    /// First sample, and its index in the gait.
+    /// Index of the first sample. `phase` is its index in the gait.
     pub at: i64,
     pub phase: usize,
     /// Landings of the previous plan.
@@ -47,7 +47,7 @@ pub(super) struct Assignment {
     pub without_foothold: Option<usize>,
 }
 
-/// Distance from a border at which a wheel may stand at the beginning, although it is too near to an edge, m.
+/// Distance of the borders beyond a rolling wheel that is too near to an edge at the beginning, m.
 const RELAXED_M: f64 = 0.005;
 
 impl Footholds<'_> {

@@ -92,7 +92,7 @@ pub(super) fn from_gait(
     with_error(problem, slots, beginning)
 }
 
-/// Heading of wheels in the same turn as in `like`.
+/// Moves the yaw of wheel axes by whole turns to be near that in `like`.
 fn in_turn(layout: &Layout, mut vars: DVector<f64>, like: &DVector<f64>) -> DVector<f64> {
     for wheel in layout.end_effectors.iter().filter_map(|e| e.wheel) {
         let turns = ((like[wheel.yaw] - vars[wheel.yaw]) / TAU).round();

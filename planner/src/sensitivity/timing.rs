@@ -104,9 +104,9 @@ struct Neighbours<'a> {
     problem: &'a Problem,
     /// Slot and variable of every column.
     of_column: Vec<(usize, usize)>,
-    /// Change of every slot per second by which the interval before its sample becomes longer, seen from the sample before.
+    /// Change of every slot that acts like a longer interval before its sample on rows of the previous sample, per second.
     nearer_before: Vec<DVector<f64>>,
-    /// Change of every slot per second by which the interval after its sample becomes longer, seen from the sample after.
+    /// Change of every slot that acts like a longer interval after its sample on rows of the next sample, per second.
     nearer_after: Vec<DVector<f64>>,
     /// Half of the sums of forces and moments of every slot, over the spacing.
     wrench: Vec<DVector<f64>>,

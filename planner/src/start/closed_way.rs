@@ -1,19 +1,19 @@
-//! Warning about obstacles that close the way of a motion, before a solve.
+//! Warning about obstacles that block the path of a motion, before a solve.
 
 use super::detour::shortest_way_round;
 use crate::motion::Motion;
 use rollwalk_robot::Robot;
 
-/// Ratio of the shortest path round obstacles to the straight path from which on a plan is unlikely.
+/// Ratio of the shortest path round obstacles to the straight path above which a plan is unlikely.
 const FAR_ROUND: f64 = 3.0;
 
-/// Warning about an obstacle that blocks the path of a motion: the shortest path round it is much longer than the straight path.
-/// Contains the likely remedy.
+/// Warning about an obstacle that blocks the path of a motion, with the likely remedy. The shortest path round the obstacle is
+/// much longer than the straight path.
 pub fn closed_way(robot: &Robot, motion: &Motion) -> Option<String> {
     let (obstacle, [round_m, straight_m]) = shortest_way_round(robot, motion)?;
     (round_m > FAR_ROUND * straight_m).then(|| {
         format!(
-            "obstacle `{}` blocks the straight path: the shortest path round it is {round_m:.1} m long, or \
+            "obstacle `{}` closes the way: the shortest path round it is {round_m:.1} m long, or \
              {:.1} m/s on average, so a plan is unlikely; change the size or place of the obstacle \
              in the terrain file, or the goal",
             motion.ground.obstacles()[obstacle].name,
@@ -45,10 +45,7 @@ mod tests {
             closed_way(robot, &motion)
         };
         let told = warning(20.0).unwrap();
-        assert!(
-            told.starts_with("obstacle `wall` blocks the straight path: the shortest path"),
-            "{told}"
-        );
+        assert!(told.starts_with("obstacle `wall` closes the way: the shortest path"), "{told}");
         // Twice half the width of the wall, and of the robot with its margin.
         let words: Vec<_> = told.split(' ').collect();
         let at = words.iter().position(|word| *word == "long,").unwrap();

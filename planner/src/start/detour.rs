@@ -12,7 +12,7 @@ use rollwalk_robot::Robot;
 
 /// Maximum number of detours that are tried.
 const DETOURS_MAX: usize = 3;
-/// Length along the path over which the offset changes / change of the offset.
+/// Ratio of the length along the path over which the offset changes to the change of the offset.
 const RAMP: f64 = 1.5;
 /// Ratio of the additional distance from obstacles to the robot's half width: corners swing out as the robot turns.
 const SLACK: f64 = 0.15;
@@ -167,10 +167,10 @@ fn ducks(body: &Extent, length_m: f64, obstacles: &[Extent]) -> Offsets {
     through(passages, length_m)
 }
 
-/// Places that the robot passes, with the offsets at which it can.
+/// Obstacles in a straight path, with the offsets at which the robot can pass them.
 struct Corridor {
     length_m: f64,
-    /// Obstacles in the path, by distance, each with the distances between which the robot is beside it.
+    /// Distances along the path between which the robot is beside each obstacle in the path, m, in ascending order.
     blocking: Vec<[f64; 2]>,
     /// Offsets at which the robot passes each of `blocking`, m.
     free_m: Vec<Vec<f64>>,

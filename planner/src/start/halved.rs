@@ -1,7 +1,7 @@
 //! Motions with half the samples, whose plans serve as starts.
 //!
-//! With few samples, the solver finds a stroke of skates or a swizzle. With many, its steps from standing are too short for
-//! that, because costs and constraints tie every sample to its neighbours. Resampled to twice the samples, the coarse plan is
+//! With few samples, the solver finds a stroke of skates or a swizzle. With many, its steps from standing are too short for a
+//! stroke, because costs and constraints tie every sample to its neighbours. Resampled to twice the samples, the coarse plan is
 //! nearly feasible, and a few Gauss-Newton steps complete the solve.
 
 use super::skates;

@@ -69,8 +69,9 @@ fn point(
     Point { frames, index, cost }
 }
 
-/// Next duration to try: the lowest point of the parabola through the cheapest duration and its neighbours. Beside a duration
-/// without a plan, the middle. `None` if that is too close to a known duration.
+/// Next duration to try: the lowest point of the parabola through the cheapest duration and its neighbours. If the shortest or
+/// the longest of the three has no plan, the middle between it and the next one. `None` if the result is too close to a known
+/// duration.
 fn next(points: &[Point], close: f64) -> Option<usize> {
     let best = (0..points.len()).min_by(|&a, &b| points[a].cost.total_cmp(&points[b].cost))?;
     let first = best.saturating_sub(1).min(points.len().saturating_sub(3));

@@ -87,7 +87,7 @@ impl SwingChange {
     }
 }
 
-/// Returns the edits of a motion's footfalls that the bounds of the request permit, those that promise most first.
+/// Returns the edits of a motion's footfalls that the bounds of the request permit, in ascending order of the predicted costs.
 pub fn edits(given: &Motion, motion: &Motion, prices: &TimingPrices) -> Vec<Edit> {
     let switches = Switches::of(motion, prices);
     let mut edits: Vec<Edit> = swing_edits(motion)
@@ -113,8 +113,8 @@ pub fn edits(given: &Motion, motion: &Motion, prices: &TimingPrices) -> Vec<Edit
     edits
 }
 
-/// Returns the footfalls with longer swings that the bounds of the request permit: a sample more in each step, in turn at
-/// lift-off and touch-down.
+/// Returns the footfalls with longer swings that the bounds of the request permit. Each adds a sample to the one before,
+/// alternately at lift-off and touch-down.
 pub fn longer_swings(given: &Motion) -> Vec<Vec<Vec<bool>>> {
     let mut longer = Vec::new();
     let mut stance = given.stance.clone();
@@ -130,7 +130,7 @@ pub fn longer_swings(given: &Motion) -> Vec<Vec<Vec<bool>>> {
     longer
 }
 
-/// Mean over the feet that switch after sample `i` of the samples by which a change moves the switch later.
+/// Mean number of samples by which a change delays the switch after sample `i`, over the feet that switch there.
 fn mean_move(motion: &Motion, i: usize, change: SwingChange) -> f64 {
     let (here, next) = (&motion.stance[i], &motion.stance[(i + 1) % motion.stance.len()]);
     let moves: Vec<f64> = here
@@ -161,8 +161,8 @@ fn changed(motion: &Motion, change: SwingChange) -> Vec<Vec<bool>> {
     (0..count).map(flags).collect()
 }
 
-/// Returns true if stances and swings have lengths within the bounds of the request, and if the request has at any time as
-/// few feet on the ground.
+/// Returns true if stances and swings have lengths within the bounds of the request, and if the smallest number of feet on the
+/// ground is at least that of the request.
 fn is_allowed(given: &Motion, stance: &[Vec<bool>]) -> bool {
     let periodic = given.ends == Ends::Periodic;
     let rests = [stance.first(), stance.last()].into_iter().flatten().flatten().all(|down| *down);

@@ -168,7 +168,7 @@ fn without_cones(
     Some(planned + wrenches.transpose() * pull)
 }
 
-/// Returns true if each three entries are in the second-order cone, and false for NaN.
+/// Returns true if every three entries are in the second-order cone, and false for NaN.
 fn is_within(cones: &DVector<f64>) -> bool {
     cones.as_slice().chunks_exact(3).all(|cone| cone[1].hypot(cone[2]) <= cone[0])
 }

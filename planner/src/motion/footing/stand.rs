@@ -1,7 +1,7 @@
 //! Foothold of an end effector that stands while the map of the ground is exchanged.
 //!
-//! Maps are late and noisy. An end effector that stands is on the ground, whatever the map says. The map is therefore raised or
-//! lowered around it until it passes through the contact point. A wheel that rolls on leaves this correction behind.
+//! Maps are late and noisy, but a standing end effector is certainly on the ground. The map is therefore raised or lowered around
+//! it until it passes through the contact point. A wheel that rolls on leaves this correction behind.
 
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::ElevationMap;
