@@ -13,7 +13,7 @@ pub fn closed_way(robot: &Robot, motion: &Motion) -> Option<String> {
     let (obstacle, [round_m, straight_m]) = shortest_way_round(robot, motion)?;
     (round_m > FAR_ROUND * straight_m).then(|| {
         format!(
-            "obstacle `{}` closes the way: the shortest path round it is {round_m:.1} m long, or \
+            "obstacle `{}` blocks the straight path: the shortest path round it is {round_m:.1} m long, or \
              {:.1} m/s on average, so a plan is unlikely; change the size or place of the obstacle \
              in the terrain file, or the goal",
             motion.ground.obstacles()[obstacle].name,
@@ -45,7 +45,10 @@ mod tests {
             closed_way(robot, &motion)
         };
         let told = warning(20.0).unwrap();
-        assert!(told.starts_with("obstacle `wall` closes the way: the shortest path"), "{told}");
+        assert!(
+            told.starts_with("obstacle `wall` blocks the straight path: the shortest path"),
+            "{told}"
+        );
         // Twice half the width of the wall, and of the robot with its margin.
         let words: Vec<_> = told.split(' ').collect();
         let at = words.iter().position(|word| *word == "long,").unwrap();
