@@ -285,8 +285,8 @@ pub fn of_candump(
                 continue;
             }
             extend(&mut own_s, [from_s, to_s], 0.0);
-            // A command is in force until the next command. At the end of a step, a line between these ends has the mean over
-            // the step.
+            // A command acts until the next one, and is stored at the end of that interval. Interpolation between these ends
+            // yields, at the end of a step, the mean command over the step.
             let [angle, speed, torque] = values;
             motor.target_rad.push((to_s, angle));
             motor.target_rad_s.push((to_s, speed));

@@ -55,7 +55,7 @@ impl BlockLu {
             firsts.push(firsts[firsts.len() - 1] + unknown);
         }
 
-        // Later couplings of a pivot: its own neighbours, and those of pivots that it is the first to inherit.
+        // Later couplings of a pivot: its own later neighbours, and the later couplings of its children in the elimination tree.
         let mut later: Vec<Vec<usize>> = Vec::with_capacity(count);
         let mut heirs: Vec<Vec<usize>> = vec![Vec::new(); count];
         for (place, &body) in order.iter().enumerate() {

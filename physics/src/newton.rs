@@ -89,7 +89,7 @@ impl Newton {
         self.equations.begin(step);
         self.sticking.begin(step);
         let (mut trial, mut norm, guessed) = self.guess(step, tolerance);
-        // `derived` tells whether the matrix is that of the trial, `tame` whether it is, or is to be, the tame one.
+        // `derived` is true if the matrix was evaluated at the trial; `tame` is true if the tame matrix is used.
         let (mut derived, mut tame, mut iterations) = (guessed, false, 0);
         loop {
             if norm < tolerance.sqrt() && self.sticking.decide(step, &self.equations) {

@@ -1,7 +1,7 @@
 //! Rotation increments: exponential map of SO(3) and its left Jacobian, as series.
 //!
-//! The stepper limits an increment to a fraction of a radian, where seven terms are exact to rounding. A series has no branch
-//! and no division 0/0, so that its derivatives are exact as well.
+//! Nine terms are exact to rounding for increments up to 1 rad. A Newton iteration changes an increment by at most 0.3 rad. A
+//! series has no branch and no division 0/0, so that its derivatives are exact as well.
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation::skew;

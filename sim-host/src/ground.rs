@@ -195,7 +195,7 @@ impl Grounded {
         }
     }
 
-    /// Releases a robot that is to be released once its feet do not press on the ground, or after a while.
+    /// Releases a robot whose release is due, once its feet no longer press on the ground or [`RAISED_S`] have passed.
     fn release_at_height(&mut self, now: SimTime) {
         let is_loaded = self.hoist.as_ref().is_some_and(Hoist::is_loaded);
         let waited = |since: SimTime| (now - since).as_s() > RAISED_S;
@@ -209,9 +209,8 @@ impl Grounded {
         std::mem::take(&mut self.travels)
     }
 
-    /// Sets the motion of the robot. At the first motion the hoist releases the robot, as soon as
-    /// its feet do not press on the ground. A robot that began on its body may lie
-    /// down again if `may_lie`.
+    /// Sets the motion of the robot. At the first motion the hoist releases the robot, as soon as its feet do not press on the
+    /// ground. If `may_lie`, a robot that began on its body may lie down again.
     pub fn on_moving(&mut self, now: SimTime, motion: Option<Moving>, may_lie: bool) {
         match self.lets_go {
             ReleaseCondition::WhenItPlays if motion.is_none() => self.release_since = None,

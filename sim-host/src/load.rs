@@ -1,4 +1,4 @@
-//! Load of each joint's motor, inertia, weight and spring, while the body is held level and still.
+//! Load of each joint's motor while the body is held level and still: inertia, weight and spring.
 //!
 //! The load consists of the diagonal of the mass matrix, and of the generalised forces of the weight and of springs and dampers
 //! in the present pose. It excludes coupling between joints, Coriolis terms and the ground.

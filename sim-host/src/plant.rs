@@ -5,10 +5,10 @@
 //! ```
 //!
 //! `I` is the sum of the armature (rotor and gearbox at the output) and the load's inertia. `k_load` and `d_load` are those of
-//! springs and dampers at joints. A motor at its top speed has no
-//! torque left to accelerate, but a load can still drive it faster. A joint stops at its mechanical limits without bouncing.
-//! Current loop and electrical time constant are not simulated, since they are an order of magnitude faster than the control
-//! law. Backlash, friction, encoder quantisation and temperature are not simulated either.
+//! springs and dampers at joints. A motor at its top speed has no torque left to accelerate, but a load can still drive it
+//! faster. A joint stops at its mechanical limits without bouncing. Current loop and electrical time constant are not simulated,
+//! since they are an order of magnitude faster than the control law. Backlash, friction, encoder quantisation and temperature are
+//! not simulated either.
 //!
 //! The integrator is the implicit midpoint rule with a fixed step. It is of second order, stable for any gains, and without
 //! numerical damping, so that overshoot comes from the control law alone. Tests compare it with the closed form of the step
@@ -117,8 +117,8 @@ impl Plant {
         }
     }
 
-    /// Clamps the required torque to the torque that the motor has at the speed after the step.
-    /// `load` is the torque of the load at speed 0, and the decrease of this torque per unit of speed.
+    /// Clamps the required torque to the torque that the motor has at the speed after the step. `load` is the torque of the load
+    /// at speed 0, and the decrease of this torque per unit of speed.
     fn available(&self, wanted: f64, limit_nm: f64, gain: f64, load: [f64; 2]) -> f64 {
         let most = self.torque_max_nm.min(limit_nm);
         let torque = wanted.clamp(-most, most);

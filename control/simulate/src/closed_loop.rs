@@ -86,7 +86,7 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
         if let Some(laws) = follower.stopped(script, *tick_s) {
             return (laws, Some(TrackingError::Stopped));
         }
-        // The reference of a motion that ends does not move before the motion. With a latency, the wheels would creep ahead.
+        // Before a finite motion the reference stands still. A reference ahead by the latency would make the wheels creep.
         let moves = from_s > 0.0 || script.repeats();
         let ahead_s = if moves { *latency_s } else { 0.0 };
         let reference = plan.reference(from_s + ahead_s);

@@ -100,7 +100,7 @@ impl RunOutcome {
         if let Some(ratio) = self.height.filter(is_off) {
             return Some(MotionFailure::Height { ratio });
         }
-        // A motion that begins and ends on the body ends at its height even if the robot never rises.
+        // A motion that begins and ends on the body ends at the planned height even if the robot never rises.
         if let Some(ratio) = self.height_max.filter(is_off) {
             return Some(MotionFailure::HeightMax { ratio });
         }

@@ -27,7 +27,7 @@
 //! let text = std::fs::read_to_string("../../shipped/robots/agilebot.toml")?;
 //! let robot = rollwalk_robot::Robot::from_toml("agilebot.toml", &text)?;
 //! let tree = Tree::new(&robot).with_spinning_wheels(|_| 1e-6).with_armature();
-//! // It stands as planned, and each end effector bears its part.
+//! // The robot stands as planned, and each end effector carries an equal part of its weight.
 //! let feet = robot.end_effectors.len();
 //! let part_n = tree.total_mass_kg() * 9.806_65 / feet as f64;
 //! let reference = Reference {

@@ -2,8 +2,9 @@
 //! thesis sec. 3.6).
 //!
 //! ```text
-//! state  δc, δθ, δv, δω of centre of mass and body, δp of every end effector, horizontally
-//! input  δf, force of the ground on every end effector that stands; u, by how much faster it goes than planned, horizontally
+//! state  errors δc, δθ, δv, δω of centre of mass and body, and δp of each end effector, horizontally
+//! input  δf, error of the ground force on each standing end effector; u, speed of each end effector minus the planned speed,
+//!        horizontally
 //!
 //! δċ = δv    m δv̇ = Σ δf    δθ̇ = δω    I δω̇ = Σ (p − c) × δf + Σ δp × f − δc × Σ f    δṗ = u
 //! ```

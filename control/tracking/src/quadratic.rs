@@ -168,7 +168,7 @@ impl Solver {
                 }
             }
         }
-        // Column c of L⁻¹ from above; it is row c of L⁻ᵀ.
+        // Column c of L⁻¹ by forward substitution; it is row c of L⁻ᵀ.
         for c in 0..n {
             for i in 0..n {
                 let mut sum = f64::from(u8::from(i == c));

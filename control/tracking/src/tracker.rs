@@ -5,8 +5,9 @@
 //!
 //! ```text
 //! min   Σ weight |J ν̇ − wanted|²  +  weight |f − planned|²
-//! with  M ν̇ + h = Σ Jᵀ f          where no motor is: the base, passive joints, and wheels that turn freely
-//!       f within a friction pyramid,   |M ν̇ + h − Σ Jᵀ f| ≤ most torque   where one is
+//! with  M ν̇ + h = Σ Jᵀ f                      without a motor: base, passive joints, free wheels
+//!       |M ν̇ + h − Σ Jᵀ f| ≤ torque limit     with a motor
+//!       f within a friction pyramid
 //! ```
 //!
 //! The contact of a wheel is at its rim. The material at the contact of a rolling wheel has J ν = 0, where ν includes the spin.

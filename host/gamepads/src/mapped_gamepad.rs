@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Position above which an axis counts as pressed.
 const PRESSED: f32 = 0.6;
-/// Position below which an axis counts as released. It is below 0.5, where a trigger rests whose mapping describes it as a stick.
+/// Position below which an axis counts as released. It is below 0.5, the rest position of a trigger that is mapped as a stick.
 const LET_GO: f32 = 0.45;
 /// Largest change of the playback speed that is treated as noise of the stick, 64ths.
 const SPEED_NOISE: i8 = 2;
@@ -300,7 +300,8 @@ impl MappedGamepad {
         let request = match does {
             ButtonAction::Clear => GamepadRequest::Intent(Intent::Clear),
             ButtonAction::Disarm => GamepadRequest::Intent(Intent::Disarm),
-            // Without the deadman, a pause only pauses. The deadman decides whether a return moves.
+            // Without the deadman, the button pauses but does not resume. A return is passed on, since the operator's interlocks
+            // decide on it.
             ButtonAction::Pause if !self.held => GamepadRequest::Intent(Intent::Pause),
             ButtonAction::Return => GamepadRequest::Intent(Intent::Return),
             ButtonAction::Play(_) | ButtonAction::Arm if !self.held => {

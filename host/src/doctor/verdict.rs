@@ -12,7 +12,7 @@ impl Observations<'_> {
         let bus = self.bus;
         let clip = status.clip.map(|clip| self.clip(clip)).unwrap_or_default();
         let clip = if clip.is_empty() { clip } else { format!(" ({clip})") };
-        // Faults have findings of their own, unless one is what stopped the robot.
+        // The words name only a fault that stopped the robot. All other faults have findings of their own.
         let words = state_words(status, self.actuators());
         let what = format!("the robot is {words}{clip}");
         let faulty = !status.faults.is_empty();

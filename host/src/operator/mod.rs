@@ -497,7 +497,7 @@ impl Operator {
         }
         if let Some(Deadman::Released(let_go)) = self.deadman {
             return match (status.state, let_go) {
-                // From the end of a stream, on all feet, to SAFE.
+                // The robot moves from the end of a stream to SAFE, on all feet.
                 (State::Aligning, _) if self.ends_stream => None,
                 (State::Aligning, _) | (State::Playing, ReleaseReaction::Disarm) => {
                     Some((Order::Disarm, HOME_US))

@@ -31,8 +31,8 @@ impl Latch {
     }
 }
 
-/// Interval in which a request for a motion with a place counts as confirmation of the same request before it, µs. Keys that are
-/// held repeat sooner.
+/// Time after a request for a motion with a place in which the same request confirms the place, µs. Keys that are held repeat
+/// sooner.
 const CONFIRMS_US: RangeInclusive<u64> = 1_000_000..=10_000_000;
 
 impl Operator {

@@ -91,7 +91,7 @@ impl<B: LinkBus> Session<B> {
             if exchange.is_alive()? {
                 return Self::introduced(exchange, node);
             }
-            // The host has ended since then, so the controller has no heartbeats to answer.
+            // The host has ended since the listener received its heartbeats, so the controller has none to answer.
             if exchange.status().is_none() || !std::mem::take(&mut is_first) {
                 return Err(exchange.silent("heartbeat"));
             }
@@ -304,7 +304,7 @@ impl<B: LinkBus> Session<B> {
             }
             let let_down = matches!(status.state, State::Damped | State::TorqueOff);
             let going_down = matches!(state, State::Damped | State::TorqueOff | State::Disarmed);
-            // The way to Disarmed passes both states, but a latched fault ends it in TorqueOff.
+            // The way to Disarmed passes Damped and TorqueOff, but a latched fault ends it in TorqueOff.
             let stuck = status.state == State::TorqueOff && !status.faults.is_empty();
             let elsewhere = status.state == State::EStopped || let_down && (!going_down || stuck);
             elsewhere.then_some(false)

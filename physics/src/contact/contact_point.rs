@@ -72,8 +72,8 @@ impl ContactPoint {
         let arm = fixed + lever;
         let is_distance = ground.is_distance();
         let surface = if is_distance {
-            // The lever is as deep as the centre is high, because inside a solid the nearest face is unrelated to the edge that
-            // was touched.
+            // The gap follows from the distance at the centre. At the contact point, inside the solid, the nearest face may
+            // belong to another edge than the touched one.
             Surface { gap_m: at_center.gap_m + at_center.normal.dot(&lever), ..at_center }
         } else {
             ground.at(&(body.position + arm))

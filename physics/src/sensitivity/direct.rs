@@ -148,7 +148,7 @@ impl Rollout {
                 at_step[*step].push((row, body, by));
             }
         }
-        // Column by column of residuals.
+        // Transposed, so that the derivatives of a residual are adjacent.
         let mut jacobian = DMatrix::zeros(self.parameters(), residuals.len());
         self.direct(|step, tangents| {
             for &(row, &body, by) in &at_step[step] {

@@ -153,7 +153,7 @@ struct Memory {
 
 impl Memory {
     fn add(&mut self, step: DVector<f64>, change: DVector<f64>) {
-        // The weak Wolfe conditions make it positive except for rounding.
+        // The weak Wolfe conditions make this product positive except for rounding.
         if step.dot(&change) > f64::EPSILON * step.norm() * change.norm() {
             self.pairs.push_back((step, change));
             if self.pairs.len() > MEMORY {

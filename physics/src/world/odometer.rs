@@ -14,8 +14,8 @@ use std::sync::Arc;
 const FALLEN_RAD: f64 = 1.0;
 /// Height of the centre of mass below which a robot has fallen, as a fraction of its starting height.
 const FALLEN_HEIGHT: f64 = 0.4;
-/// Mean part of the weight on body and upper limbs above which a robot has fallen. A robot that lies on its trunk
-/// leaves at most half of its weight to its wheels. A knee or belly that touches down leaves nearly all of it to the feet.
+/// Mean part of the weight on body and upper limbs above which a robot has fallen. A robot that lies on its trunk leaves at most
+/// half of its weight to its wheels. A knee or belly that touches down leaves nearly all of it to the feet.
 const FALLEN_SHARE: f64 = 0.25;
 /// Time constant of this mean, s. An impact of a knee takes some hundredths of a second and does not count, however hard.
 const SHARE_S: f64 = 0.5;

@@ -37,7 +37,8 @@ pub fn run(
     let mut next_tick = start;
     let mut periods_left = None;
     loop {
-        // Ticks come before frames, so that a full bus does not delay them. But answers that have arrived count.
+        // A due tick comes before further frames, so that a full bus does not delay it. Frames that have already arrived are
+        // processed first.
         let is_due = Instant::now() >= next_tick;
         if is_due {
             board.catch_up(start)?;

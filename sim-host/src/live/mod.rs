@@ -1,5 +1,5 @@
-//! Simulation in real time on buses of this computer: a whole robot behind its link, its controller alone, or its
-//! motors alone, so that the rest can be real hardware.
+//! Simulation in real time on buses of this computer: a whole robot behind its link, its controller alone, or its motors alone.
+//! The rest can then be real hardware.
 //!
 //! ```text
 //!   [`whole`]        link ─┤ controller, simulated actuator buses, motors ├

@@ -27,7 +27,7 @@ pub struct Adapter {
 }
 
 impl Default for Adapter {
-    /// Behaviour of the CAN controllers on this project's boards. Unlike those, it keeps an unacknowledged frame.
+    /// Adapter like the CAN controllers on this project's boards, except that it keeps an unacknowledged frame.
     fn default() -> Self {
         Self { depth: 1, calls_back: false, alone: BusState::NotAcknowledged }
     }

@@ -63,7 +63,7 @@ impl Foot {
     ///
     /// `part` scales the sides of the pyramid relative to the radius of the cone.
     pub(super) fn most(&self, part: f64) -> [f64; 2] {
-        // A blade has no cone along its edge, but the drag of its glide.
+        // Along its edge, a blade has the drag of gliding instead of a friction cone.
         let along = self.drag.unwrap_or(part * self.friction);
         [along, part * self.friction]
     }

@@ -3,12 +3,12 @@
 //! Their number is limited, because a frame in the kernel's queue cannot be replaced by a newer one. The kernel echoes every
 //! transmitted frame, which makes room for another.
 //!
-//! Without an echo, the interface is stuck: temporarily if an adapter stalls, permanently if no node acknowledges. It is also
-//! possible that the driver has dropped the frames and would accept others. To find out, one more frame is tried although there
-//! is no room. This is done only a few times, because all these frames are stale when a node acknowledges again.
+//! Without an echo, the interface is stuck: temporarily if an adapter stalls, permanently if no node acknowledges. A driver may
+//! also have dropped the frames, and would accept others. To find out, the host tries another frame although there is no room. It
+//! does so only a few times, because all these frames are stale when a node acknowledges again.
 //!
-//! For each frame that is tried, the oldest one is given up. Frames that were given up may be transmitted after all, mostly
-//! when a dead bus recovers. Their echoes are recognised too, so that they are not mistaken for another node's frames.
+//! For each frame that it tries, the host gives up the oldest one. A frame that was given up may still be transmitted, mostly
+//! when a dead bus recovers. The host recognises its echo too, so that it is not mistaken for a frame of another node.
 
 use rollwalk_protocol::can::Frame;
 use std::collections::VecDeque;
@@ -75,8 +75,8 @@ impl Flight {
             }
             (Some(at), later) => {
                 self.given_up.drain(..=at);
-                // The echo may belong to either frame. No frame up to the later one counts any more: if that frame is lost,
-                // there would never be room again. All frames stay known, because they may still be transmitted.
+                // Two sent frames are equal, and the echo may belong to either. The frames up to the later one are given up: if
+                // that frame was lost, there would never be room again. Their echoes are still recognised.
                 self.give_up(later.map_or(0, |later| later + 1));
             }
         }

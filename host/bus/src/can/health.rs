@@ -69,7 +69,7 @@ impl Health {
         if problems.contains(ControllerProblems::ACTIVE) {
             *self = Self::default();
         } else if problems.intersects(passive) && self.state == BusState::Active {
-            // A sender without acknowledgement also becomes passive. The missing acknowledgement says more.
+            // A sender without acknowledgement also becomes passive. The missing acknowledgement is the more specific report.
             self.state = BusState::Passive;
         }
     }

@@ -58,13 +58,13 @@ impl Parameter for Pose {
                 Vector3::zeros()
             }
             Coordinate::Yaw => Vector3::z(),
-            // The body's own x axis, and the horizontal axis across it.
+            // Roll turns about the x axis of the pose, pitch about the horizontal axis across it.
             Coordinate::Pitch => Vector3::z().cross(&place.rotation.column(0)).normalize(),
             Coordinate::Roll => place.rotation.column(0).into_owned(),
         };
         let now = solved.view(self.hold, |view| view.now[0].rotation);
         for k in 0..3 {
-            // δb* = δθ* × b* of the target axes b* of the body's axes b.
+            // The target b* of the body's axis b changes by δb* = δθ* × b*.
             let moved = axis.cross(&place.rotation.column(k));
             let arm = skew(&now.column(k).into_owned());
             wrench.moment += arm * moved * (0.5 * share * hold.grip.turn_nm_rad);
