@@ -3,8 +3,8 @@
 use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
 
-/// Sentence about what may help a plan, which begins with a full stop; empty without remedies. `feedback` is the command that
-/// simulates the plan with feedback.
+/// List of changes that may help a plan, as a sentence to follow another: it begins with a full stop. Empty without remedies.
+/// `feedback` is the command that simulates the plan with feedback.
 pub fn sentence(plan: &Plan, feedback: Option<String>) -> String {
     sentence_of(of_plan(plan), feedback)
 }

@@ -461,7 +461,7 @@ fn simulate_motors(
     lost: &mut LostBuses<'_>,
     world_log: Option<WorldLog>,
 ) -> miette::Result<()> {
-    // The controller has this priority and takes drives that answer 0.1 s late for lost.
+    // The controller has this priority, and treats a drive that answers 0.1 s late as silent.
     priority::raise();
     let mut printer = ground::Printer::default();
     let mut goes_on = |body: &Body| {

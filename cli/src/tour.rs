@@ -204,9 +204,10 @@ fn go(
     Ok(())
 }
 
-/// Motions to select one after the other from SAFE, so that every transition is played, except those of motions for a place if
-/// these are left out. From each motion an unplayed edge is
-/// taken if there is one; otherwise the origin of the first unplayed edge is selected.
+/// Returns the motions to select from SAFE, in order, so that every transition is played. Without `at_places`, motions for a
+/// place and their transitions are left out.
+///
+/// From each motion the route takes an unplayed edge; if there is none, it selects the origin of the first unplayed edge.
 fn route(library: &Library<'_>, at_places: bool) -> Vec<NodeId> {
     let edges = library.edges().filter_map(|edge| library.edge(edge));
     let is_played = |node| at_places || place_of(&name(library, node)).is_none();

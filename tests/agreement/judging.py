@@ -21,7 +21,7 @@ CYCLES = 8
 # Longest run of a command, s.
 COMMAND_S = 1800
 # Time constants of MuJoCo's contacts, s; stiffness is proportional to the inverse square. On hard contacts, results
-# do not depend on it (docs/replay.md, Validation). On soft contacts, feet sink in by 0.2 to 0.8 mm, as in our
+# do not depend on it (docs/replay.md). On soft contacts, feet sink in by 0.2 to 0.8 mm, as in our
 # simulator; wheels then roll on a radius that is too small.
 HARD_S = {"MuJoCo, hard, 1/2": 0.00424, "MuJoCo, hard": 0.003, "MuJoCo, hard, 2 x": 0.00212}
 SOFT_S = {"MuJoCo, soft, 1/2": 0.0141, "MuJoCo, soft": 0.01, "MuJoCo, soft, 2 x": 0.0071}

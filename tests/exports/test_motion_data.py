@@ -102,7 +102,7 @@ class MotionData(unittest.TestCase):
             span_s = 2.0 / RATE_HZ
             for position, velocity in (("joint_pos", "joint_vel"), ("body_pos_w", "body_lin_vel_w")):
                 mean = (data[position][2:] - data[position][:-2]) / span_s
-                # Of central differences, rounding takes 2⁻²³ × 1 m / 4 ms, and curvature the rest.
+                # Error of central differences: 2⁻²³ × 1 m / 4 ms by rounding, the rest by curvature.
                 allowed = 2e-3 + 2e-3 * np.abs(data[velocity]).max()
                 worst = np.abs(mean - data[velocity][1:-1]).max()
                 print(f"{motion} {velocity}: {worst:.1e} of {allowed:.1e}")

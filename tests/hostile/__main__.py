@@ -76,8 +76,8 @@ class Operator:
     def _drive(self):
         client = self.client
         if client.state == "Disarmed":
-            # Any node may set gains, so the operator restores the gains of the robot file. One number of 16 is the
-            # next.
+            # Any node may set gains, so the operator restores the gains of the robot file. One of 16 sequence
+            # numbers is the next.
             for seq in range(16):
                 client.frames(wire.parameter(client.node, seq, wire.RESET, 0, 0, bytes(4)))
             self._confirmed(wire.ARM, wire.ARM_CONFIRM)

@@ -199,7 +199,7 @@ fn a_library_holds_what_its_file_asks_for() {
     let codes: Vec<_> = content["motions"].as_array().unwrap().iter().map(|m| &m["code"]).collect();
     assert_eq!(codes, [1, 2, 3, 4]);
     let transitions = content["transitions"].as_array().unwrap();
-    // For each of three motions, to and from SAFE; and walk to turn and back.
+    // Three motions to and from SAFE, and walk to turn and back.
     assert_eq!(transitions.len(), 8);
 }
 

@@ -95,7 +95,7 @@ fn in_real_time_a_robot_on_the_ground_is_carried_by_motors_at_a_serial_line() {
     let rows: Vec<_> = lines.collect();
     let on_ground = rows.split(|row| row[held] == "1").filter(|rows| !rows.is_empty());
     let com_m = |row: &[&str]| row[com].parse::<f64>().unwrap();
-    // Each release apart: on a busy computer the robot is armed again, and slides back a little as it sinks.
+    // Each release is measured separately: on a busy computer the robot is armed again, and slides back a little as it sinks.
     let way_m = |free: &[Vec<&str>]| {
         assert!(free.iter().all(|row| row[fell] == "0"), "it fell");
         free.iter().map(|row| com_m(row)).fold(f64::MIN, f64::max) - com_m(&free[0])

@@ -26,8 +26,8 @@ ROBOT = ROOT / "shipped/robots/agilebot.toml"
 FITTED, PREDICTED = ("slalom", "walk", "step_and_drive"), ("step_and_drive", "walk", "trot")
 # Longest run of a command: identification takes minutes.
 COMMAND_S = 1800
-# At first, the servos deflect under the robot's weight. Then several landings of its wheels, with other gains, fit
-# equally well.
+# At first, the servos deflect under the robot's weight. Several pairs of gains and landing times of the wheels fit this
+# part equally well, so it is left out.
 BEGINS = ("--from", "0.3")
 # Values of the robot in MuJoCo that replace those of its file: table, key, values. One line of a template is for all
 # wheels.

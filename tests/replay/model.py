@@ -27,7 +27,7 @@ class Ground:
     impratio: float = 20.0
     # Time constant of penetration, s, and damping ratio. With 0.02, the default of MuJoCo, wheels sink in by 0.8 mm,
     # and roll on a radius that is too small by half of that: an error of 0.7 % of every distance, and 12 % of a
-    # swizzle. Below 0.003, results change by less than 0.5 % (docs/replay.md, Validation).
+    # swizzle. Below 0.003, results change by less than 0.5 % (docs/replay.md).
     solref: tuple = (0.003, 1.0)
     solimp: tuple = (0.9, 0.95, 0.001)
     # Links that reach the ground collide with it.

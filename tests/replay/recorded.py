@@ -43,7 +43,7 @@ def main(arguments):
     return 0
 
 
-# Steps of MuJoCo in a row: in steps of a quarter of a row, its integrator of first order would pass for a gain.
+# Steps of MuJoCo for each row. With four steps, the error of its first-order integrator would look like a gain.
 PARTS = 16
 
 
@@ -55,7 +55,7 @@ def record(log, robot, options):
     seen = []
 
     def look(d):
-        # Positions and speeds of now: what MuJoCo derives from them, lengths of actuators among it, is of the step before.
+        # Positions and speeds belong to this step; quantities that MuJoCo derives, such as actuator lengths, to the last.
         joints = d.model.actuator_trnid[:, 0]
         seen.append((d.qpos[d.model.jnt_qposadr[joints]], d.qvel[d.model.jnt_dofadr[joints]], d.qpos[:7].copy()))
 

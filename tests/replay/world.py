@@ -96,7 +96,7 @@ def run(motion, robot, feed_forward="none", case=Case(), cycles=20, control_hz=p
     model = Model(robot, motion.gravity_m_s2, ground)
     frames = motion.frames() if frames is None else frames
     needed, missing = feedforward.frames(model, motion)
-    # Torques of a library of the plan also hold the robot at its ends.
+    # The first and last torques of a library also hold the robot before and after the motion.
     rest = feedforward.at_rest(model, motion) if torques is None else torques[[0, -1]]
     torques = quantised_torques(needed, robot) if torques is None else torques
     periods = cycles if motion.periodic else 1

@@ -140,7 +140,7 @@ class Node(bench.Bench):
         self.node.send_signal(signal.SIGTERM)
         self.assertEqual(self.node.wait(timeout=PLAYED_S), 0)
         self.await_text(self.state, "Disarmed")
-        # The robot is disarmed properly. A robot that lost its host would need a clear.
+        # The robot is disarmed properly. A robot that lost its host would have to be cleared.
         self.rollwalk("send", "--arm", "stand:0.2", "--bus", self.bus)
 
     def test_9_a_killed_node_leaves_a_robot_that_stops_by_itself(self):

@@ -40,7 +40,8 @@ pub enum Exit {
     Ok,
     /// Bad input, or a file that cannot be read or written.
     BadInput,
-    /// A plan failed its checks: the optimiser did not converge, or a residual between the samples exceeds its tolerance.
+    /// A plan failed its checks: the optimiser did not converge, a residual between the samples exceeds its tolerance, or the
+    /// motion fails in simulation.
     DoesNotHold,
     /// A measured error or count exceeds its limit, such as a rule of the fault campaign.
     OutOfBounds,

@@ -8,8 +8,8 @@ $b mount -t sysfs sys /sys
 $b mount -t devtmpfs dev /dev
 for module in /modules/*; do $b insmod "$module"; done
 
-# The host's files, to be read. What is written stays in memory. Once read, a file stays in memory, too (cache=loose),
-# because waiting for the host makes the guest's clock jump: the guest may miss what the host changes meanwhile.
+# Mounts the host's files for reading; written files stay in memory. A file that was read also stays in memory
+# (cache=loose), because waiting for the host makes the guest's clock jump. The guest may miss later changes on the host.
 virtio=trans=virtio,version=9p2000.L,msize=524288
 $b mount -t 9p -o ro,cache=loose,$virtio host /host
 $b mount -t tmpfs -o mode=755,size=75% layer /layer
@@ -34,7 +34,7 @@ for name in vcan0 vcan1 vcan2; do
     inside ip link set $name up
 done
 
-# For the last lines of the console: whether this machine or a program in it has stopped.
+# Prints the clock, so that the last console lines show whether this machine or a program in it has stopped.
 while $b sleep 30; do echo "clock of the virtual machine: $($b cut -d ' ' -f 1 /proc/uptime) s"; done > /dev/console &
 
 # The port is no terminal: bytes go out as they are.

@@ -8,8 +8,8 @@ from launch.substitutions import Command, LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-# After Ctrl-C the robot first returns to SAFE. A second signal would interrupt the return, and the robot would need a
-# clear.
+# After Ctrl-C the robot first returns to SAFE. A second signal would interrupt the return, and the robot would have to
+# be cleared.
 HOME_S = "30"
 # Arguments of the launch file, with default, if any, and description.
 ARGUMENTS = {

@@ -1,4 +1,4 @@
-//! The `rollwalk-ros2` binary; everything it does is in the library of `apps/ros2/`.
+//! Entry point of the `rollwalk-ros2` binary; the code is in the library of `apps/ros2/`.
 
 use std::process::ExitCode;
 

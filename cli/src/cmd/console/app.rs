@@ -55,7 +55,7 @@ pub fn terminal_gone(why: &str) -> Exit {
     Exit::NotDone
 }
 
-/// Ends the process if the loop blocks for `STUCK`. The watch ends with the last other owner of `rounds`.
+/// Ends the process if the loop blocks for `STUCK`. The watching thread ends when no other owner of `rounds` is left.
 ///
 /// Reading keys of a closed terminal never returns, and neither does drawing on a terminal that is suspended. The keyboard mode
 /// of a suspended terminal is restored; its screen cannot be.

@@ -23,10 +23,9 @@ use std::path::{Path, PathBuf};
 ///
 /// Every motion and every transition is optimised from scratch, packed into a motion library and transferred over a simulated
 /// CAN bus to the controller's firmware. The robot is armed, each motion is selected by its command code, every transition of
-/// the motion graph is played, and the robot returns to SAFE and is disarmed. A simulation of its whole body stands on the
-/// ground; with --on stand the robot hangs on a stand. The tables compare plans with physics, commands on the bus with plans,
-/// motors with commands, and the path of the robot on the ground with its plans. The exit code is 4 if a measured error exceeds
-/// its limit.
+/// the motion graph is played, and the robot returns to SAFE and is disarmed. The simulated robot is on the ground; with --on
+/// stand it hangs on a stand. The tables compare plans with physics, commands on the bus with plans, motors with commands, and
+/// the path of the robot on the ground with its plans. The exit code is 4 if a measured error exceeds its limit.
 ///
 /// The library is that of AgileBot, embedded in the program, unless --library names another.
 #[derive(clap::Args)]

@@ -185,7 +185,7 @@ fn wait_until_disarmed(session: &mut LiveSession) {
     }
 }
 
-/// Waits until a robot that another program returns is in SAFE, and until that program has seen it.
+/// Waits until a robot that another program returns is in SAFE, and until that program has received a status of SAFE.
 fn wait_for_safe(session: &mut LiveSession) {
     // If the robot does not arrive, disarming reports the cause.
     if session.wait_for_state(State::Ready, HOME_US).is_ok() {

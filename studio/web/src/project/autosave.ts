@@ -43,7 +43,7 @@ export function keepSaved(studio: Studio) {
         await store(studio, packed(studio.documents.history));
         failed = false;
       } catch (error) {
-        // Storage may be full or forbidden, which is reported once. Leaving the page asks in any case.
+        // Storage may be full or forbidden, which is reported once. The browser asks before it leaves the page in any case.
         if (!failed) studio.notify(`Unsaved changes will be lost when the page is closed: ${(error as Error).message}`);
         failed = true;
       }
