@@ -1,6 +1,6 @@
 //! Points of the body on which a robot lies, as end effectors without joints.
 //!
-//! Motions that lie plan with these points as they plan with feet. The points are the lowest of the body's shapes.
+//! Plans of motions that lie treat these points like feet. The points are the lowest of the body's shapes.
 
 use crate::contact::Contact;
 use crate::model::{EndEffector, Robot};
@@ -13,8 +13,9 @@ const LEVEL_M: f64 = 1e-4;
 const DIRECTIONS: [[f64; 2]; 4] = [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]];
 
 impl Robot {
-    /// Returns the robot with the points on which its body lies: at most four, the outermost of the lowest points of its
-    /// shapes. Their friction is the least of the feet. `None` if the body has no shapes.
+    /// Returns the robot with the points on which its body lies: at most four, the outermost of the lowest points of its shapes.
+    /// Their friction coefficient is the smallest of all feet and wheels. `None` if the body has no shapes or the robot no end
+    /// effectors.
     pub fn with_body_points(&self) -> Option<Self> {
         if self.has_body_points() {
             return Some(self.clone());

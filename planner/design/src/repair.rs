@@ -8,9 +8,9 @@
 //! min_p  Σ_motions min_m E(m, p; s)  +  pull Σ ((p − p₀) / unit)²
 //! ```
 //!
-//! The pull chooses among several cures of one flaw. Costs and pull leave violations in the penalty. These become multipliers s
-//! in the next round, and the search over the parameters is repeated. It ends when plans of the motions converge, or violations
-//! stop to decrease.
+//! With several remedies for one flaw, the pull selects the smallest. Costs and pull leave violations in the penalty. These
+//! become multipliers s in the next round, and the search over the parameters is repeated. It ends when plans of the motions
+//! converge, or when violations stop decreasing.
 
 use crate::quadratic::Quadratic;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};

@@ -33,7 +33,7 @@ pub enum Blades {
 
 /// A rigid body.
 pub struct Body<'r> {
-    /// Unique among bodies.
+    /// Name, unique among bodies.
     pub name: String,
     /// Mass, centre of mass and inertia in the body's frame.
     pub inertia: RigidPart,
@@ -45,7 +45,7 @@ pub struct Body<'r> {
 
 /// A joint or axle.
 pub struct Hinge<'r> {
-    /// Unique among hinges.
+    /// Name, unique among hinges.
     pub name: String,
     /// Index of the body that carries this body.
     pub parent: usize,
@@ -238,7 +238,7 @@ pub fn depth_first(bodies: &[Body<'_>]) -> Vec<usize> {
     order
 }
 
-/// Names that have been given.
+/// Names in use.
 pub struct Names(HashSet<String>);
 
 impl<N: Into<String>> FromIterator<N> for Names {

@@ -168,7 +168,7 @@ struct RollingPlan {
     whole: WholeBody,
     /// Indices of the end effectors with free wheels.
     free: Vec<usize>,
-    /// Time of the last frame, s, and the wheels there.
+    /// Time of the latest frame, s, with the angles and speeds of the wheels at that time.
     time_s: f64,
     wheel_rad: Vec<f64>,
     wheel_rad_s: Vec<f64>,

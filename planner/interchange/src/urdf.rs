@@ -1,9 +1,9 @@
 //! URDF: <https://wiki.ros.org/urdf/XML>.
 //!
-//! Feet, blades and welded wheels become links on fixed joints, so that they have frames. Joints and axles have their names
-//! of telemetry. Limits of speed and torque are those of the joints, also if their motors are coupled. URDF cannot express
-//! kinds of contacts, friction, gains, rotors, torque-speed lines, couplings, springs and buses; `rollwalk robot import` reads
-//! most of these from a side file.
+//! Feet, blades and welded wheels become links on fixed joints, so that they have frames. Joints and axles have the same names as
+//! in telemetry. Limits of speed and torque are those of the joints, also if their motors are coupled. URDF cannot express kinds
+//! of contacts, friction, gains, rotors, torque-speed lines, couplings, springs and buses; `rollwalk robot import` reads most of
+//! these from a side file.
 
 use crate::bodies::{
     Blades, Body, Geometry, Hinge, HingeOrigin, Names, PlacedSolid, Role, WORLD, bodies,

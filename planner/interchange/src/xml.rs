@@ -5,7 +5,7 @@ use quick_xml::Writer;
 use quick_xml::events::{BytesStart, BytesText, Event};
 use std::io;
 
-/// A document that is written.
+/// Document under construction.
 pub struct Xml(Writer<Vec<u8>>);
 
 impl Xml {

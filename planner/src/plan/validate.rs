@@ -14,7 +14,7 @@ use std::fmt::Display;
 
 /// Minimum number of samples for which periodic splines and second differences are defined.
 const MIN_SAMPLES: usize = 3;
-/// Maximum number of samples. The longest motion, a minute at 15 per second, has fewer.
+/// Maximum number of samples in a file. Motion files and refinement allow fewer.
 const MAX_SAMPLES: usize = 1000;
 /// Maximum length of a name, bytes: that of a transition, which names both motions that it joins.
 const MAX_PLAN_NAME: usize = 2 * MAX_NAME + " to ".len();

@@ -39,7 +39,7 @@ const OF_ALL: usize = 300;
 const OF_STEP: usize = 60;
 /// Total iteration limit of the steps back towards the request.
 const OF_STEPS: usize = 300;
-/// Iteration limit of a solve for a value slightly smaller than one that almost converged. Such a solve needs few iterations.
+/// Iteration limit of a step back to the request from a value near it. Such a solve needs few iterations.
 const BACK: usize = 20;
 /// Scale factor of the goal if no other value is feasible.
 const NEARER: f64 = 0.5;

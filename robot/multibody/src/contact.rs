@@ -79,7 +79,8 @@ impl RimContact {
         })
     }
 
-    /// Contact of an end effector with uneven ground, along the ground normal at the contact point. `None` if the wheel lies flat, as in [`new`](Self::new).
+    /// Contact of an end effector with uneven ground, along the ground normal at the contact point. `None` if the wheel lies
+    /// flat, as in [`new`](Self::new).
     pub fn on(
         tree: &Tree,
         frames: &Frames,

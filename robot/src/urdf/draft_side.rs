@@ -202,7 +202,7 @@ impl Guess {
     }
 }
 
-/// Horizontal axis to begin with.
+/// Horizontal axis of the root that is taken as forward at first.
 fn first_forward(up: usize) -> usize {
     if up / 2 == 0 { 2 } else { 0 }
 }

@@ -133,7 +133,7 @@ pub(super) fn emit(draft: &Draft, sources: [&str; 2]) -> Emitted {
 /// Beginning of the line with the checksum of the other lines.
 const MARK: &str = "# The import replaces this file only if it is unchanged: ";
 
-/// Checksum of the lines of a robot file without the line of the checksum. Ends of lines may have changed.
+/// Checksum of the lines of a robot file without the line of the checksum. Line endings do not affect it.
 fn checksum(text: &str) -> u32 {
     let lines = text.lines().filter(|line| !line.starts_with(MARK));
     lines.fold(0, |sum, line| crc32c_append(crc32c_append(sum, line.as_bytes()), b"\n"))

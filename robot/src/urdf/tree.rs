@@ -107,7 +107,7 @@ impl Graph {
         Tree { root, order }
     }
 
-    /// Root with most links, without the links that place the robot in the world: those called `world` or similar, and
+    /// Root with the most links, without the links that place the robot in the world: those called `world` or similar, and
     /// massless links with a single moving joint.
     pub fn likely_root(&self, urdf: &Urdf) -> usize {
         let size = |root: &usize| self.tree(*root).order.len();

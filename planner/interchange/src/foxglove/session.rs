@@ -9,7 +9,8 @@ use std::collections::{BTreeMap, VecDeque};
 
 /// Subprotocols of the server, the preferred one first. The messages used here are the same in both.
 const SUBPROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
-/// Maximum size of pending data for a client, bytes: about a second of a robot. Beyond that, the oldest message is dropped.
+/// Maximum size of pending data for a client, bytes: about a second of the data of one robot. Beyond that, the oldest message is
+/// dropped.
 const DATA_MAX: usize = 4 * 1024 * 1024;
 /// Maximum number of pending texts for a client; further texts are dropped.
 const TEXTS_MAX: usize = 16;
@@ -50,7 +51,7 @@ pub fn first_messages(name: &str, session: &str, offers: &[Offer]) -> [String; 2
     [info, json!({ "op": "advertise", "channels": channels })].map(|text| text.to_string())
 }
 
-/// First texts for every client: the server's name and its channels, whose identifiers count from 1.
+/// Message from the server to a client.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Message {
     /// JSON.

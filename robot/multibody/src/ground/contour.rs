@@ -24,7 +24,7 @@ pub struct Contour {
 pub enum Filter {
     /// Identity.
     Plain,
-    /// Maximum of the edges over the distance to both sides, m. Ramps stay: a swing has to come down to them.
+    /// Maximum of the edges over the distance to both sides, m. Ramps are kept, because swings come down to them.
     Highest(f64),
     /// Closing by a disc of the given radius, m: the surface that a rolling disc can touch. Concave corners get the disc's
     /// radius, convex edges stay.
@@ -81,7 +81,7 @@ impl Contour {
     }
 }
 
-/// Highest (`sign` 1) or lowest (−1) of the heights within a distance, each raised or lowered by `cap` of its distance.
+/// Largest (`sign` 1) or smallest (−1) of the heights within a distance. `cap` gives the change of a height by its distance.
 fn extremes(
     heights_m: &[f64],
     spacing_m: f64,

@@ -120,8 +120,8 @@ impl ElevationGrid {
         if found == wanted { Ok(()) } else { Err(FieldError::Length { found, wanted }) }
     }
 
-    /// Grid whose unknown heights are the lowest known neighbours, cell by cell from the rims of each hole: behind an edge, the
-    /// sensor does not see the lower side.
+    /// Fills unknown heights with the lowest known neighbour, cell by cell from the rims of each hole. The lowest is used because
+    /// a sensor does not see the lower side behind an edge.
     ///
     /// # Errors
     /// Returns an error if the grid is not valid, or if no height is known.

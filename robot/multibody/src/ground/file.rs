@@ -57,7 +57,7 @@ impl Terrain {
         Arc::new(GroundWithObstacles::new(ground, self.obstacles.clone()))
     }
 
-    /// Height of the ground without obstacles, m. At a wall it is the higher one.
+    /// Height of the ground without obstacles, m. At a wall, this is the height of its upper edge.
     pub fn height_m(&self, at: &Vector2<f64>) -> f64 {
         let at = Rotation2::new(-self.heading_rad) * at;
         match &self.shape {

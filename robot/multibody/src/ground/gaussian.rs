@@ -3,7 +3,7 @@
 /// Distance beyond which the Gaussian is cut off, in standard deviations.
 pub const CUT_OFF: f64 = 4.0;
 
-/// Convolves samples with a Gaussian. The deviation is in samples; the first and the final sample go on beyond the ends.
+/// Convolves samples with a Gaussian. The deviation is in samples. The first and the last sample continue beyond the ends.
 pub fn blurred(samples: &[f64], deviation: f64) -> Vec<f64> {
     let reach = (CUT_OFF * deviation).ceil() as isize;
     let weights: Vec<f64> =

@@ -110,7 +110,7 @@ impl Profile {
         [self.corners[0][0], self.corners[self.corners.len() - 1][0]]
     }
 
-    /// Height at a coordinate, m. At a wall it is the higher one.
+    /// Height at a coordinate, m. At a wall, this is the height of its upper edge.
     pub fn height_m(&self, x_m: f64) -> f64 {
         let at = |corners: &[[f64; 2]]| {
             let ([x0, z0], [x1, z1]) = (corners[0], corners[1]);

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 const SAME: f64 = 0.003;
 /// Sine of the angle between two axes below which they are parallel.
 const PARALLEL: f64 = 0.02;
-/// Angles from the nominal pose at which a joint without effect has none either, rad.
+/// Angles from the nominal pose at which the effect of a joint is checked too, rad.
 const BENT_RAD: [f64; 2] = [0.3, -0.5];
 /// Fraction of the mean contact force below which a contact counts as unloaded.
 const CARRIES: f64 = 0.25;

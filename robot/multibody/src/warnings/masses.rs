@@ -8,8 +8,8 @@ use std::ops::RangeInclusive;
 
 /// Smallest plausible radius of gyration of a link, as a fraction of the robot's size. Real robots have 0.03 to 0.37.
 const GYRATION_LEAST: f64 = 0.003;
-/// Largest plausible radius of gyration of a link, as a fraction of the link's size. Half is the limit for masses at the ends;
-/// files without shapes show less than the whole link.
+/// Largest plausible radius of gyration of a link, as a fraction of the link's size. Half is the limit for masses at the ends.
+/// Without shapes in the file, the known size is smaller than the link.
 const GYRATION_MOST: f64 = 1.5;
 /// Size of a link without shapes, as a fraction of the robot's size.
 const SIZE_LEAST: f64 = 0.15;
@@ -20,7 +20,7 @@ const GYRATION_USUAL: RangeInclusive<f64> = 0.05..=0.8;
 const DENSITY: [f64; 2] = [15.0, 25_000.0];
 /// Smallest edge of the box, as a fraction of the longest edge. The inertia of a thin rod hardly determines its other edges.
 const EDGE_LEAST: f64 = 0.1;
-/// Words of the warnings about an inertia.
+/// Words that distinguish warnings about an inertia from those about a density.
 const INERTIA: &str = "radius of gyration";
 /// Fraction of the robot's mass below which links are not checked. Many files have light links with arbitrary inertias.
 const MASS_LEAST: f64 = 1e-4;

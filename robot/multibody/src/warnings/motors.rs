@@ -16,8 +16,8 @@ const RUN_UP_MAX_S: f64 = 0.3;
 const YIELDS_MAX_RAD: f64 = 0.15;
 /// Maximum plausible time constant kd / kp with which a joint approaches its set-point, s. Real robots reach 0.03.
 const FOLLOWS_MAX_S: f64 = 0.08;
-/// Maximum plausible damping ratio of a joint whose set-points have a speed. Folded legs have less inertia than stretched ones,
-/// for which gains are chosen.
+/// Maximum plausible damping ratio of a joint whose set-points include a speed. Folded legs have less inertia than stretched
+/// ones, for which gains are chosen.
 const DAMPING_RATIO_MAX: f64 = 5.0;
 /// Assumed period of a drive's damping loop, s. Many drives are faster, few are slower.
 const LOOP_S: f64 = 1e-3;

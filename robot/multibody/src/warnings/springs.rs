@@ -5,7 +5,7 @@ use crate::passive::{PassiveLoad, passive_loads};
 
 /// Largest deviation of the equilibrium of a passive joint from its nominal angle, rad.
 const OFF_MAX_RAD: f64 = 0.02;
-/// Ratio of a sufficient stiffness to the least one.
+/// Ratio of the suggested stiffness to the smallest one with a stable equilibrium.
 const RESERVE: f64 = 2.0;
 
 pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {

@@ -15,7 +15,7 @@ pub(super) const UPRIGHT: f64 = 0.7;
 const CENTRED: f64 = 0.3;
 /// Distance of the centre of a round shape from the axle, as a fraction of its radius.
 const ABOUT_AXLE: f64 = 0.2;
-/// Cosine of the angle between a cylinder and the axle up to which the cylinder is along it.
+/// Cosine of the angle between a cylinder and the axle above which the cylinder is along it.
 const ALONG: f64 = 0.95;
 /// Radius of a wheel without shape and inertia, as a fraction of the robot's size.
 const RADIUS_SHARE: f64 = 0.1;

@@ -10,7 +10,7 @@ const LEVEL: f64 = 0.2;
 /// Range in which the height of an axle above a ball's bottom counts as the radius of the wheel, as multiples of the
 /// estimated radius.
 const RADII: [f64; 2] = [0.4, 3.0];
-/// Most wheels of a body that needs casters.
+/// Maximum number of wheels of a body that needs casters.
 const FEW: usize = 3;
 
 /// Ball of the body.
@@ -21,7 +21,7 @@ struct Ball {
     bottom_m: f64,
 }
 
-/// Adds balls at the height of the wheels. Wheels without a shape get the radius with which they reach the balls' ground.
+/// Adds balls at the height of the wheels. Wheels without a shape get the radius with which they reach the ground of the balls.
 pub(super) fn add(urdf: &Urdf, bodies: &Bodies, ends: &mut Vec<End>) {
     let on_body = |end: &&mut End| end.axle.is_some() && end.tip.body == 0;
     let wheels: Vec<_> = ends.iter_mut().filter(on_body).collect();

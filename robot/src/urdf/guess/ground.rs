@@ -23,7 +23,7 @@ struct Limb {
     bottom_m: f64,
     length_m: f64,
     is_wheel: bool,
-    /// True if two joints at least turn about the same horizontal axis.
+    /// True if at least two joints turn about the same horizontal axis.
     bends: bool,
 }
 

@@ -8,11 +8,11 @@ use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
 /// Radius of a foot without a shape, as a fraction of its limb's length.
 const RADIUS_SHARE: f64 = 0.05;
-/// Distance behind the end of the limb within which shapes stand together, as a fraction of the limb's length.
+/// Distance behind the end of the limb within which shapes touch the ground together, as a fraction of the limb's length.
 const TOGETHER: f64 = 0.03;
 /// Distance from the last axis below which a contact is on it, as a fraction of the limb's length.
 const ON_AXIS: f64 = 0.02;
-/// Cosine of the angle between the limb and the vertical up to which the foot is below the limb.
+/// Cosine of the angle between the limb and the vertical above which the foot is below the limb.
 const HANGING: f64 = 0.85;
 
 /// Last body of a limb.
@@ -45,7 +45,7 @@ impl Pad {
     }
 }
 
-/// Robot with all joints next to 0.
+/// Robot with all joints at the angles nearest to 0.
 pub(super) struct Posed<'a> {
     pub urdf: &'a Urdf,
     pub bodies: &'a Bodies,

@@ -14,7 +14,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use roxmltree::Node;
 use std::collections::{HashMap, HashSet};
 
-/// Largest sine between the axes of a loop.
+/// Largest sine of the angle between the axes of a loop.
 const PARALLEL: f64 = 1e-3;
 
 /// Poses of bodies and positions of sites on the links of the import.

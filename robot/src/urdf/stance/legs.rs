@@ -12,7 +12,7 @@ const RADIAL_DEPTH: f64 = 0.6;
 const RADIAL_OUT: f64 = 0.45;
 /// Vertical component of an axis up to which a joint bends the leg.
 const LEVEL: f64 = 0.7;
-/// Cosine of the angle between two axes up to which they are parallel.
+/// Cosine of the angle between two axes above which they are parallel.
 const PARALLEL: f64 = 0.9;
 
 /// Leg that bends in a vertical plane.

@@ -1,8 +1,8 @@
 //! Standing pose for robots whose model has none: legs bent, feet below the hips.
 //!
-//! A leg moves only joints that carry no other leg; shared joints stay next to 0. Each leg bends in its own plane (`legs`):
-//! the foot goes below the first bending joint, or outward from it if legs stand out radially. `reach` solves for the
-//! angles. Legs that cannot bend stay next to 0.
+//! A leg moves only joints that carry no other leg. Shared joints, and legs that cannot bend, stay at the angles nearest to 0.
+//! Each leg bends in its own plane (`legs`): the foot goes below the first bending joint, or outward from it if legs stand out
+//! radially. `reach` solves for the angles.
 
 mod legs;
 mod reach;
