@@ -17,9 +17,9 @@
 //!
 //! A [`Course`] plays horizons one after the other without feedback, as set-points.
 //!
-//! A solve starts from the gait plus the measured error, which fades (`start`). Only footfalls are carried from one plan to the
-//! next, so that a failed plan does not affect later ones. Structure that does not depend on values is kept for each footfall
-//! pattern, as in [`Editing`](crate::Editing).
+//! A solve starts from the gait plus the measured error, which fades (`start`). Only footfalls, and the landings of accepted
+//! plans, are carried from one plan to the next, so that a failed plan does not affect later ones. Structure that does not depend
+//! on values is kept for each footfall pattern, as in [`Editing`](crate::Editing).
 
 mod course;
 mod error;
@@ -514,7 +514,8 @@ impl Best {
     }
 }
 
-/// Iterates until the constraints are met and the costs are flat, until `progress` stops the solve, or until no step helps.
+/// Iterates until the constraints are met and the costs are flat, until `progress` stops the solve, until no step helps, or to
+/// the iteration limit.
 ///
 /// The returned point is the latest one with all constraints met, or otherwise the one with the smallest violation.
 fn iterate(

@@ -38,8 +38,8 @@ pub fn optimise(
     chosen.unwrap_or_else(|| optimise_solution(robot, motion, options, progress))
 }
 
-/// Chooses the free times of a motion, and returns its plan with them. Returns `None` if the times are given, or if no times
-/// within the bounds lead to a plan; the plan with given times then has a diagnosis.
+/// Chooses the free times of a motion, and returns its plan with them. Returns `None` if the times are given, if the method has
+/// no multipliers, or if no times within the bounds lead to a plan. The plan with given times then has a diagnosis.
 ///
 /// The callback may stop the search, which then returns the best plan so far.
 pub fn choose(

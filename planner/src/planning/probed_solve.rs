@@ -58,7 +58,7 @@ impl DiagnosedOutcome {
 
 /// Minimises E(m) from a starting point.
 ///
-/// The callback of `effort` may stop the solve, which then returns the best point so far. The solve is deterministic.
+/// The callback of `effort` may stop the solve, which then returns its latest point. The solve is deterministic.
 pub(super) fn solve(
     problem: &Problem,
     unknowns: Unknowns,

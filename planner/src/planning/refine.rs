@@ -21,7 +21,8 @@ use rollwalk_robot::Robot;
 const LEAST_SPACING_S: f64 = 1.0 / 120.0;
 /// Iteration limit of a solve on a finer grid. Half of 30 refinements took at most 20 iterations; the longest took 199.
 const MOST_ITERATIONS: usize = 200;
-/// Largest ratio of the worst residual after a refinement to that before it, up to which the refinement counts as helpful.
+/// Largest ratio of the worst residual after a refinement to the smallest before it, up to which the refinement counts as
+/// helpful.
 const HELPS: f64 = 0.8;
 /// Number of unhelpful refinements after which no finer grid is tried.
 const IN_VAIN: usize = 2;

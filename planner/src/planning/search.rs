@@ -142,7 +142,7 @@ struct State<T> {
     failed: Vec<bool>,
     /// Number of leading candidates that must find the request infeasible before the race ends.
     hopeless_max: usize,
-    /// Number of candidates that have found the request infeasible.
+    /// Number of leading candidates that have found the request infeasible.
     hopeless: usize,
     results: Vec<Option<T>>,
 }

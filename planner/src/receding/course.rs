@@ -68,7 +68,7 @@ pub struct Frame {
     pub torques_nm: Vec<f64>,
 }
 
-/// Reason for the end of a course.
+/// Reason why a course cannot continue at present.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CourseError {
     /// The horizon cannot be planned.

@@ -33,7 +33,7 @@ pub(super) struct Footholds<'a> {
     /// Index of the first sample. `phase` is its index in the gait.
     pub at: i64,
     pub phase: usize,
-    /// Landings of the previous plan.
+    /// Landings of the latest accepted plan.
     pub landings: &'a [Option<Landing>],
 }
 
@@ -142,7 +142,8 @@ impl Footholds<'_> {
         }
     }
 
-    /// Planned contact position of a stance that starts at sample `from` and lasts `samples` samples, m.
+    /// Planned contact position of a stance that starts at sample `from` and lasts `samples` samples, m. A stance that the
+    /// horizon cuts counts with at least its number of samples in the gait.
     fn near(&self, j: usize, from: usize, is_cut: bool, samples: usize) -> Vector2<f64> {
         let rows = &self.gait.motion.stance;
         let standing = rows.iter().filter(|row| row[j]).count();

@@ -25,7 +25,7 @@ const DAMPING: f64 = 1e-9;
 /// Weight of the body's velocity relative to that of joints and rims, so that slip is attributed to the joints.
 const BODY: f64 = 3.0;
 
-/// Returns the nearest state in which stance feet touch the ground without slip and joints are within their limits.
+/// Returns the nearest state in which stance feet touch the ground without slip. Joints are clamped to their limits before.
 pub(super) fn on_contacts(
     tree: &Tree,
     ground: &Footing,

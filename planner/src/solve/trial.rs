@@ -9,8 +9,8 @@ use crate::formulation::System;
 use crate::formulation::rows::Rows;
 use crate::problem::Unknowns;
 
-/// Fraction of the predicted decrease below which a step is corrected. A straight step that achieves half of it is
-/// not worth another evaluation.
+/// Fraction of the predicted decrease below which a step is corrected. A straight step that achieves more is not worth another
+/// evaluation.
 const BEND_BELOW: f64 = 0.25;
 
 /// Point with its rows.

@@ -15,8 +15,8 @@ const FEW_ON_SKATES: usize = 12;
 /// Minimum number of samples of a swing.
 const LEAST_SWING: usize = 3;
 
-/// Returns the motion with half the samples. `None` if the samples are already few, if the footfalls would change, or if a
-/// target sets the height of a swing.
+/// Returns the motion with half the samples. `None` for transitions, if the samples are already few, if the footfalls would
+/// change or swings be too short, or if a target sets the height of a swing.
 pub fn halved(robot: &Robot, motion: &Motion) -> Option<Motion> {
     let samples = motion.stance.len();
     let few = if skates(robot, motion) { FEW_ON_SKATES } else { FEW };

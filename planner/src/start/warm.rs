@@ -3,7 +3,7 @@
 //! | step | unknowns | terms | ramp |
 //! |---|---|---|---|
 //! | 1 | forces | dynamics, friction | |
-//! | 2 | forces, body | dynamics, friction, no force in swing | unloading of the feet in swing, over 100 problems |
+//! | 2 | forces, body | dynamics, friction, no force in swing | unloading of the feet in swing, over 99 problems |
 //! | 3 | joints, contact points, wheels | kinematics | swing heights, over 20 problems |
 //! | 4 | all | all, goals at zero | |
 //!
@@ -27,7 +27,7 @@ pub struct WarmStart {
     pub literal: bool,
 }
 
-/// Number of problems of step 2 (thesis: N₁ = 100).
+/// Number of loads of the feet in swing in steps 1 and 2 (thesis: N₁ = 100). Step 1 has the whole load.
 const UNLOADINGS: usize = 100;
 /// Number of problems of step 3 (thesis: N₂, without a value).
 const HEIGHTS: usize = 20;

@@ -18,8 +18,7 @@ const GYRATION_NONE_M: f64 = 1e-4;
 /// Margin by which the sum of the two smaller moments exceeds the largest moment after a repair, as a fraction of the
 /// largest.
 const SLACK: f64 = 1e-3;
-/// Margin for inertias that are not repaired, such as that of a flat plate. Exports round, and MuJoCo refuses a sum below the
-/// largest moment.
+/// Margin for a valid inertia, such as that of a flat plate. Exports round, and MuJoCo refuses a sum below the largest moment.
 const ROUNDING: f64 = 1e-8;
 /// Maximum number of changes of an inertia. With two equal moments one change is not enough.
 const REPAIRS: usize = 20;
@@ -218,9 +217,8 @@ pub(super) fn placed(mass: MassProperties, pose: &Isometry3<f64>) -> MassPropert
 
 /// Inertia nearest to the given one that a rigid body can have, with some slack, and a description of the change.
 ///
-/// Moments of (nearly) 0 are raised to m·(1 mm)². If the largest moment exceeds the sum of the others, it loses a third of the
-/// excess and the slack together, and each of the others gains a third. This is the smallest change of the tensor that keeps its
-/// axes.
+/// Moments of (nearly) 0 are raised to m·(1 mm)². While the largest moment exceeds the sum of the others minus the slack, it loses
+/// a third of this excess, and each of the others gains a third. This is the smallest change of the tensor that keeps its axes.
 fn physical(mass_kg: f64, inertia: &Matrix3<f64>) -> (Matrix3<f64>, Option<String>) {
     let symmetric = (inertia + inertia.transpose()) * 0.5;
     let eigen = symmetric.symmetric_eigen();
