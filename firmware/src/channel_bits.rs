@@ -4,13 +4,11 @@ pub(crate) use rollwalk_protocol::config::ChannelBits;
 
 use rollwalk_protocol::config::RobotConfig;
 
-/// Bit of a channel.
 pub(crate) fn bit(channel: usize) -> ChannelBits {
     let first: ChannelBits = 1;
     first.checked_shl(channel as u32).unwrap_or(0)
 }
 
-/// Bits of all channels of a robot.
 pub(crate) fn all(config: &RobotConfig) -> ChannelBits {
     (0..config.channels.len()).fold(0, |bits, channel| bits | bit(channel))
 }

@@ -139,8 +139,8 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
 
     /// Records measurements of an IMU, for hosts that close the loop over the link.
     ///
-    /// These are the angular velocity of the root link, rad/s, and the specific force at its origin, m/s², both in its axes (x
-    /// forward, y left, z to the robot's top). Call in every control period, before [`tick`](Self::tick).
+    /// They are the angular velocity of the root link, rad/s, and the specific force at its origin, m/s². Both are in the axes of
+    /// the root link: x forward, y left, z to the robot's top. Call in every control period, before [`tick`](Self::tick).
     pub fn on_imu(&mut self, gyro_rad_s: [f32; 3], force_m_s2: [f32; 3]) {
         self.imu.observe(gyro_rad_s, force_m_s2);
     }

@@ -8,8 +8,8 @@
 //! - The first frame of a transition is the exit frame of the motion before it, and its final frame is the entry frame of the
 //!   motion after it. Neither is played twice.
 //!
-//! The blocks in which the cursor will enter the next two clips are checked beforehand: at once when a goal is set, otherwise a
-//! portion in each frame.
+//! The blocks in which the cursor will enter the next two clips are checked in advance: all at once when a goal is set, otherwise
+//! a portion in each frame.
 
 use rollwalk_protocol::library::{
     ClipCursor, ClipId, Edge, Entry, Library, LibraryReadError, MAX_MOTIONS, NodeId,

@@ -18,7 +18,7 @@ use rollwalk_protocol::wire::{
 /// Number of telemetry messages in each 60 Hz frame: 240 a second, 6 % of a 500 kbit/s bus.
 const TELEMETRY_PER_FRAME: u8 = 4;
 const STATUS_PERIOD_US: u64 = STATUS_PERIOD_MS as u64 * 1000;
-/// Interval between readings of actuators, µs: ten channels are reported once a second.
+/// Interval between readings of actuators, µs. On a robot with ten channels, each is reported once a second.
 const READINGS_PERIOD_US: u64 = 100_000;
 /// Interval at which a lasting fault is reported again, µs.
 const REPORT_PERIOD_US: u64 = 1_000_000;
@@ -133,9 +133,9 @@ impl Link {
 
     /// Processes a heartbeat.
     ///
-    /// A heartbeat that is not ahead of the previous one is answered but does not feed the watchdog, because a bridge may
-    /// repeat old frames without a host. After `timeout_us` without a valid heartbeat, any number is accepted. A robot with
-    /// torque has then begun to return to SAFE, and a restarted host can connect.
+    /// A heartbeat that is not ahead of the previous one is answered, but does not feed the watchdog. A bridge may repeat old
+    /// frames without a host. After `timeout_us` without a valid heartbeat, any number is accepted. A robot with torque has then
+    /// begun to return to SAFE, and a restarted host can connect.
     pub fn on_heartbeat(&mut self, now_us: u64, heartbeat: Heartbeat, timeout_us: u32) {
         let feeds = self.last_heartbeat.is_none_or(|(seq, at_us)| {
             let ahead = u32::from(heartbeat.seq.wrapping_sub(seq));

@@ -92,7 +92,7 @@ impl<'a> Reader<'a> {
         let clip = status.clip.filter(|_| plays)?;
         let (library, config) = self.known.as_ref()?.library.as_ref()?;
         let mut values = vec![0.0; library.channel_count()];
-        // Such a frame is missing in a library other than the controller's.
+        // If the library is not the controller's, it may lack this frame.
         ClipCursor::new(library, ClipId(clip), status.frame)
             .and_then(|cursor| cursor.frame_into(library, &mut values))
             .ok()?;

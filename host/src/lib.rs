@@ -1,6 +1,6 @@
 //! Host's end of the link: sessions, consoles and tools for a controller, over any bus.
 //!
-//! | module | is |
+//! | module | contents |
 //! |---|---|
 //! | [`session`] | blocking procedures: connect, flash, arm, select motions, stop |
 //! | [`dbc`] | database of all frames and signals, also as a DBC file |

@@ -65,8 +65,8 @@
 //! [`Health`] lists it.
 //!
 //! Derivatives keep the contacts held that hybrid friction held. The tangential velocity of a held particle stays exactly 0 for
-//! all parameters. For contacts of a rigid body it stays 0 to about 1e-3: these contacts have more constraints than the body
-//! has degrees of freedom, and the solver determines their friction only as far as the motion depends on it.
+//! all parameters. For contacts of a rigid body it stays 0 to about 1e-3. These contacts have more constraints than the body has
+//! degrees of freedom, and the solver determines their friction only as far as the motion depends on it.
 
 pub mod adam;
 mod adjoint;

@@ -116,7 +116,7 @@ const LEAST_WIDE_GAIN: u64 = 9 << 7 | 32;
 const LEAST_WIDE_LIMIT: u64 = 8 << 7 | 32;
 
 /// Address and word of a set-point with torque, and the ratio of its steps to those of a narrow frame. `None` for a frame that is
-/// never sent: a narrow one whose torque is 0, a wide one whose values fit another frame, or a torque of −0. `least` is the least
+/// never sent: narrow with a torque of 0, wide with values that fit another frame, or with a torque of −0. `least` is the least
 /// first code of a wide frame without torque.
 fn torque_word(frame: &Frame, [narrow, wide]: [u16; 2], least: u64) -> Option<(u8, u64, f32)> {
     let (id, bytes, wider) = match split(frame, narrow) {

@@ -34,7 +34,7 @@ pub fn file_digest(bytes: &[u8]) -> u32 {
 
 /// Continues a digest with `bytes`. `before` is the digest of the bytes before them, 0 if there are none.
 pub fn file_digest_append(before: u32, bytes: &[u8]) -> u32 {
-    // As in CRC-32C.
+    // The same conversion as in [`crc32c_append`].
     let mut digest = DIGEST.digest_with_initial((!before).reverse_bits());
     digest.update(bytes);
     digest.finalize()

@@ -1,9 +1,8 @@
 //! Catalogue of the faults and events of the safety state machine, with their texts and reactions.
 //!
-//! A fault consists of a row of [`Fault`], a row of the [`Event`] that raises it, a line of firmware that raises the event and
-//! measures its value, and a section of `docs/faults.md`. Reactions, reports, advice, the DBC files and the tables in `docs/`
-//! follow from the rows. Firmware calls only the functions that return codes and severities, so that no text gets into its
-//! image.
+//! A fault consists of a row of [`Fault`], a row of the [`Event`] that raises it, and a section of `docs/faults.md`. A line of
+//! firmware raises the event and measures its value. Reactions, reports, advice, the DBC files and the tables in `docs/` follow
+//! from the rows. Firmware calls only the functions that return codes and severities, so that no text gets into its image.
 
 use core::fmt;
 

@@ -24,7 +24,7 @@ pub struct NodeId(usize);
 /// Policy of a node for frames that wait for the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TxPolicy {
-    /// A new frame replaces a pending one of the same id. For set-points and feedback, of which only the latest is useful.
+    /// A new frame replaces a pending one of the same id. Only the latest set-point or feedback is useful.
     Latest,
     /// Keeps all frames up to a maximum number. For streams such as ISO-TP.
     Queue {

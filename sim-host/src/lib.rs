@@ -17,10 +17,10 @@
 //! The host is `rollwalk-host`, which treats a [`rig::Rig`] like any other robot. A [`rig::Observer`], such as the monitor of
 //! the fault campaign, sees every frame of a run.
 //!
-//! The buses are simulated to the bit: arbitration, stuff bits, CRC and intermission on CAN; turns, return delays and
-//! collisions on serial lines. The drives are simulated with protocols, watchdogs, control laws and limits. The robot is
-//! simulated either as a whole on the ground, or on a stand. On the stand its body is held level and still, its wheels are in
-//! the air, and each joint moves the inertia and weight of its links without coupling to other joints.
+//! The buses are simulated to the bit: arbitration, stuff bits, CRC and intermission on CAN; turns, return delays and collisions
+//! on serial lines. The drives are simulated with protocols, watchdogs, control laws and limits. The robot is simulated either as
+//! a whole on the ground, or on a stand. On the stand its body is held level and still, and its wheels are in the air. Each joint
+//! moves the inertia and weight of its links without coupling to other joints.
 //!
 //! The simulation is deterministic: the same calls give the same bytes on every bus.
 //!

@@ -10,7 +10,7 @@ use rollwalk_host::stream::Target;
 use rollwalk_planner::receding::{CourseError, Steering, Stretch};
 use rollwalk_protocol::wire::State;
 
-/// Number of remaining frames at which the next horizon is requested: 0.25 s, half of which is already in the controller.
+/// Number of remaining frames at which the next horizon is requested: 0.25 s. The controller already has half of these frames.
 const RESERVE: usize = 15;
 /// Number of played horizon parts ([`Stretch`]) for which a stopped robot stands before it moves to SAFE.
 const STANDS_STRETCHES: u32 = 6;
@@ -202,8 +202,8 @@ impl Pilot {
         self.has_failed
     }
 
-    /// True if the robot does not follow the steering, and nothing is being attempted: the controller did not follow
-    /// set-points, or refused the last attempt to arm.
+    /// True if the robot does not follow the steering, and no attempt is pending: the controller did not follow set-points, or
+    /// refused the last attempt to arm.
     pub fn has_given_up(&self, now_us: u64, view: &View) -> bool {
         let is_disarmed = view.status.is_some_and(|status| status.state == State::Disarmed);
         let is_refused = is_disarmed && self.arms == 0 && view.asking.is_none();

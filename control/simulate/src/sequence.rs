@@ -176,14 +176,14 @@ impl<'p> Leg<'p> {
 }
 
 impl<'p> Sequence<'p> {
-    /// Creates a sequence of plans, each of which begins in the end state of the previous one.
+    /// Creates a sequence of plans. Each plan begins in the end state of the previous one.
     ///
     /// The sequence waits at the start of the first plan for [`go`](Self::go). [`change_latency`](Self::change_latency) can
     /// change the latency of `timing` until then.
     ///
     /// # Errors
-    /// Returns an error if a plan does not begin in the end pose of the previous one, if the plans are for different robots, or
-    /// if the sequence does not begin and end at rest.
+    /// Returns an error if a plan does not begin in the end pose of the previous one, the plans are for different robots, or the
+    /// sequence does not begin and end at rest.
     pub fn new(mut legs: Vec<Leg<'p>>, timing: Timing) -> Result<Self, SequenceError> {
         let (Some(first), Some(last)) = (legs.first(), legs.last()) else {
             return Err(SequenceError::Empty);

@@ -251,8 +251,8 @@ impl Planner {
 /// `on_event` receives events as they happen.
 ///
 /// # Errors
-/// Returns an error if the planning time is negative or not less than the time between plans, if the first plan is not
-/// accepted, or if a horizon or a step of the simulation has no solution.
+/// Returns an error if the planning time is negative or not less than the time between plans, or the first plan is not accepted.
+/// Also returns an error if a horizon or a step of the simulation has no solution.
 pub fn steer(
     robot: &Robot,
     horizon: Horizon,

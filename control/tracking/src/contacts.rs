@@ -1,8 +1,8 @@
 //! Stance of the end effectors at a tick, from measured contacts and the plan.
 //!
 //! An end effector that touches the ground counts as standing, even before its planned touch-down. A planned stance foot that
-//! does not touch is lowered to the ground. A robot that was pushed far off its plan needs all end effectors: while it
-//! recovers, those that touch do not lift off, and those in the air land.
+//! does not touch is lowered to the ground. A robot that was pushed far off its plan needs all end effectors. While it recovers,
+//! those that touch do not lift off, and those in the air land.
 //!
 //! A planned stance foot whose measured pose is on the ground counts as standing regardless of its switch, because light feet
 //! chatter. At each tick without contact the leg would otherwise count as a swing leg, and the robot would lift itself. A
@@ -57,7 +57,7 @@ mod tests {
     fn what_is_to_stand_and_is_on_the_ground_stands() {
         assert!(touches(false, true, 0.01));
         assert!(touches(false, true, -0.01));
-        // A NaN as height says nothing about the contact.
+        // A height of NaN is ignored.
         assert!(!touches(false, true, f64::NAN));
         // The foot may be over a hole, or in swing.
         assert!(!touches(false, true, -0.05));

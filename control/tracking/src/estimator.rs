@@ -2,9 +2,9 @@
 //!
 //! An extended Kalman filter integrates gyro and accelerometer. The zero velocity of the material at each contact corrects
 //! velocity, tilt and gyro bias. This is contact-aided invariant filtering after Hartley, Ghaffari, Eustice and Grizzle
-//! (*Contact-aided invariant extended Kalman filtering for robot state estimation*, 2020), with velocities of contacts in place
-//! of their positions, because wheels roll. Contacts are rim points ([`RimContact`]), and their velocity includes the spin of
-//! the wheel. A blade has zero velocity only across itself.
+//! (*Contact-aided invariant extended Kalman filtering for robot state estimation*, 2020). Velocities of contacts replace their
+//! positions, because wheels roll. Contacts are rim points ([`RimContact`]), and their velocity includes the spin of the wheel. A
+//! blade has zero velocity only across itself.
 //!
 //! - **World** has z up. The ground below the contacts is z = 0: the base height follows the mean of the contacts that touch.
 //!   It does not rise on ground that rises. The first alignment places the base origin at x = y = 0 with yaw 0; later ones keep
@@ -83,9 +83,9 @@ pub enum EstimateError {
     NoContact,
     /// Contradiction between IMU and contacts.
     ///
-    /// Either the mean estimated velocity of the material at every contact exceeds 0.1 m/s over 0.2 s, or the estimated gyro
-    /// bias exceeds 0.1 rad/s, or two contacts are on a line steeper than 22° for 0.1 s. Possible causes are a wrong tilt or
-    /// velocity, a false contact, or slip of all feet.
+    /// One of three values is too large: the mean estimated velocity of the material at every contact over 0.2 s (0.1 m/s), the
+    /// estimated gyro bias (0.1 rad/s), or the slope of the line through two contacts for 0.1 s (22°). Possible causes are a
+    /// wrong tilt or velocity, a false contact, or slip of all feet.
     Contradiction,
 }
 

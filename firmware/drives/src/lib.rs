@@ -336,7 +336,6 @@ impl Electronics for Drive {
     }
 }
 
-/// True if a channel is a wheel.
 fn is_wheel(channel: &Channel) -> bool {
     channel.kind == ChannelKind::WheelSpeed
 }

@@ -1,6 +1,6 @@
 //! Actuators of the robot: the latest feedback and the next command of each.
 //!
-//! | module | is |
+//! | module | contents |
 //! |---|---|
 //! | [`orders`] | commands for an actuator, reduced to those that its protocol can carry |
 //! | [`actuator`] | one actuator: its feedback and its pending requests |

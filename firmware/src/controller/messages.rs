@@ -322,7 +322,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         if !is_rate || percent.iter().any(|&part| part > 100) {
             return Err(CommandResult::BadTracking);
         }
-        // The next rate that is an integer.
+        // The next higher rate that divides the control rate.
         let mut periods = control_hz.checked_div(rate_hz).unwrap_or(1).max(1);
         while periods > 1 && !control_hz.is_multiple_of(periods) {
             periods -= 1;

@@ -1,7 +1,7 @@
 //! Code shared by all boards: device drivers on `embedded-hal` 1.0, the link on a serial line, and the assignment of buses to
 //! ports.
 //!
-//! | module | is |
+//! | module | contents |
 //! |---|---|
 //! | [`pwm`] | a hobby servo on a PWM output, as an actuator of the Rollwalk profile |
 //! | [`estop`] | the contact of an emergency stop |

@@ -27,7 +27,7 @@ pub fn assigned(
         let bus = buses.get(usize::from(number)).copied().unwrap_or_default();
         let is_used = config.channels.iter().any(|channel| channel.bus == number);
         if is_used && bus.protocol.is_serial() == (transport == Transport::Serial) {
-            // As many as fit.
+            // Buses beyond the capacity are dropped.
             let _ = assigned.push((number, bus));
         }
     }

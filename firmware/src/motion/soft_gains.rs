@@ -55,8 +55,8 @@ impl SoftGains {
     /// set-point from its target, rad.
     ///
     /// Fractions fall at once and rise by [`GAIN_RISE_1_S`]. While they rise, the distance of the set-point from the measured
-    /// angle shrinks in proportion, so that a joint away from its set-point is not pulled there. The rise is also limited so
-    /// that the set-point moves by at most `most_rad` in a period.
+    /// angle shrinks in proportion. A joint away from its set-point is then not pulled there. The rise is also limited so that
+    /// the set-point moves by at most `most_rad` in a period.
     pub fn advance(
         &mut self,
         period_s: f32,

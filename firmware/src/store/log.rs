@@ -7,7 +7,7 @@
 //! A record whose final word was hit by a power cut may be readable until the next reset and never again. With three units, the
 //! previous record is then still there.
 //!
-//! `sequential-storage` offers maps and queues, but it is `async` throughout and its futures must run to completion: a
+//! `sequential-storage` offers maps and queues, but it is `async` throughout, and its futures must run to completion. A
 //! synchronous core would need an executor for a few bytes.
 
 use embedded_storage::nor_flash::NorFlash;

@@ -114,7 +114,7 @@ impl Outlet for SlcanOutlet {
 
 impl Drop for SlcanOutlet {
     fn drop(&mut self) {
-        // Otherwise received frames would wait in the line for the next program.
+        // With an open channel, received frames would wait in the line for the next program.
         self.writer.last(&Message::Close.encode().unwrap_or_default());
     }
 }

@@ -1,7 +1,7 @@
 //! Actions of gamepad buttons (docs/gamepad.md). Events come from Linux, for the console, or from a browser, for the studio's
 //! page. The crate depends on neither a device nor a clock.
 //!
-//! | module | is |
+//! | module | contents |
 //! |---|---|
 //! | [`inputs`] | buttons and axes by name |
 //! | [`mod@file`] | mapping files |

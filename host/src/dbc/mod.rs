@@ -1,7 +1,7 @@
 //! Database of all frames and signals of the link and of the Rollwalk servo profile, as a table and as a DBC file for CAN
 //! tools.
 //!
-//! | module | is |
+//! | module | contents |
 //! |---|---|
 //! | `layout` | builder of a message's fields |
 //! | `link` | messages between host and controller |

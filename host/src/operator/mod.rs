@@ -10,9 +10,13 @@
 //! [Set-points](Operator::stream) are sent while the controller is Streaming. The program that streams decides on the effect of
 //! a released deadman: the stream can stop the robot on its feet, which a command cannot.
 //!
-//! Three interlocks bar motion: an emergency stop, until the operator has cleared and armed; a deadman that is not held; a
-//! controller with another protocol or robot. A released deadman is a condition, not a single command: while STATUS reports
-//! motion, stopping commands are repeated.
+//! Three interlocks bar motion:
+//!
+//! - an emergency stop, until the operator has cleared and armed
+//! - a deadman that is not held
+//! - a controller with another protocol or robot
+//!
+//! A released deadman is a condition, not a single command: while STATUS reports motion, stopping commands are repeated.
 //!
 //! Without contact, the operator cannot verify that commands arrive. A released deadman, leaving, or a host
 //! [without a person](Operator::unwatched) then withholds heartbeats, and the robot returns to SAFE on the timeout.

@@ -28,7 +28,7 @@ pub struct View {
     pub status: Option<Status>,
     /// Description of the robot's state with its faults, to follow "the robot is"; `None` without a status.
     pub condition: Option<String>,
-    /// Faults that are present, or because of which ARM was recently refused.
+    /// Faults that are present, or have recently caused a refusal of ARM.
     pub faults: Vec<FaultView>,
     /// Advice on the next step, without names of keys.
     pub advice: &'static str,

@@ -25,7 +25,6 @@ pub enum Tip {
     },
 }
 
-/// Contact point.
 pub(super) struct ContactPoint {
     pub surface: Surface,
     /// Vector from the centre of mass to the contact point, m.

@@ -248,8 +248,8 @@ impl FallWatch {
         self.ground.at(&world.com().0).gap_m
     }
 
-    /// Returns the fall of a robot that has tilted by more than 1 rad, whose centre of mass is below 0.4 of its starting height,
-    /// or whose body carries a quarter of the weight. If the motion lays the robot on its body, only the tilt counts.
+    /// Returns the fall of a robot with a tilt above 1 rad, its centre of mass below 0.4 of its starting height, or a quarter of
+    /// its weight on the body. If the motion lays the robot on its body, only the tilt counts.
     ///
     /// The weight on the body is averaged over time, so that each step should be checked.
     pub fn check(&mut self, world: &World) -> Option<Fall> {

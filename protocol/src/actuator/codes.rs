@@ -47,8 +47,8 @@ const MAX_WIDE_SPEED: i32 = (1 << 19) - 1;
 const LEAST_WIDE_TORQUE: u32 = 7 << 7 | 32;
 
 /// Encodes speed and torque of a measurement in 32 bits. `Ok` contains two 16-bit codes. If one of them would saturate, `Err`
-/// contains the wide code: the velocity in 20 bits in steps of 2 mrad/s, then the torque as a short code of 12 bits in steps of
-/// 16 mN·m. Values beyond its scale saturate; NaN becomes 0.
+/// contains the wide code. It has the velocity in 20 bits in steps of 2 mrad/s, then the torque as a short code of 12 bits in
+/// steps of 16 mN·m. Values beyond its scale saturate; NaN becomes 0.
 pub fn measurement(velocity_rad_s: f32, torque_nm: f32) -> Result<[u8; 4], [u8; 4]> {
     let velocity = saturated(velocity_rad_s, SPEED_STEPS, MAX_WIDE_SPEED);
     let torque = saturated(torque_nm, TORQUE_STEPS, i32::MAX);

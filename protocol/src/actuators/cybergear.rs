@@ -282,8 +282,8 @@ impl CanCodec for CyberGear {
     fn decode(&self, received: &Frame) -> Option<(u8, Feedback)> {
         let (kind, data16, target) = parts(received)?;
         let &[a, b, c, d, e, f, g, h] = received.data() else { return None };
-        // Type 21 is accepted with its addresses in either order: with the motor in the data, as in feedback, or with the motor
-        // as the target, as in a command.
+        // Type 21 is accepted with its addresses in either order: the motor in the data, as in feedback, or as the target, as in
+        // a command.
         let motor = if target == self.host { data16 as u8 } else { target };
         match kind {
             FEEDBACK if target == self.host => {

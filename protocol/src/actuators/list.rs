@@ -1,7 +1,7 @@
 //! List of the actuator protocols, and the only dispatch to their codecs.
 //!
-//! A protocol consists of a row of the list, a codec in the module of that name, and a simulated drive in the module of that
-//! name of `rollwalk-drives`. Robot files, firmware, simulator and tests use it only through [`Protocol`].
+//! A protocol consists of a row of the list, a codec and a simulated drive. The row names the module of the codec, and the module
+//! of the drive in `rollwalk-drives`. Robot files, firmware, simulator and tests use a protocol only through [`Protocol`].
 
 use serde::{Deserialize, Serialize};
 

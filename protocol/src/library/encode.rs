@@ -18,9 +18,9 @@ use crate::crc::{crc32c, crc32c_append};
 /// Writes a library into `out`, validates it and returns its length in bytes.
 ///
 /// Values are rounded to the nearest quantum within the limits of the channel. The first and the last frame of a transition are
-/// moved onto the frames that they join if they are within [`super::JOIN_TOLERANCE_RAD`], or for wheels within the change that
-/// one frame allows. With the same tolerance, wheel speeds in the last frame of a motion that ends are set to 0. Torques of a
-/// transition are blended into those of the joined motions within [`super::TORQUE_BLEND_FRAMES`].
+/// moved onto the joined frames of the motions. Before that they may differ by [`super::JOIN_TOLERANCE_RAD`], or for wheels by
+/// the change that one frame allows. With the same tolerance, wheel speeds in the last frame of a motion that ends are set to 0.
+/// Torques of a transition are blended into those of the joined motions within [`super::TORQUE_BLEND_FRAMES`].
 ///
 /// Motion `i` becomes node and clip `i`. Transition `j` becomes edge `j` and clip `motions + j`.
 pub fn encode(spec: &LibrarySpec<'_>, out: &mut [u8]) -> Result<usize, EncodeError> {

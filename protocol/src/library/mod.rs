@@ -19,10 +19,10 @@
 //! - **Torque**: effort that the motion requires of a channel's actuator in a frame. A library has torques for all clips, or
 //!   for none of them.
 //! - **Motion**: a clip with a command code, and a node of the graph. The motion clip with number `i` is node `i`.
-//! - **Transition**: a clip that leads from one motion to another, and an edge of the graph. Its first frame *is* the exit
-//!   frame of the source, and its last frame *is* the entry frame of the target, bit for bit. Playback leaves the source at its
-//!   exit frame, continues with frame 1 of the transition, and after its last frame continues with frame `entry_frame + 1` of
-//!   the target.
+//! - **Transition**: a clip that leads from one motion to another, and an edge of the graph. Its first frame *is* the exit frame
+//!   of the source, and its last frame *is* the entry frame of the target, bit for bit. Playback leaves the source at its exit
+//!   frame, and continues with frame 1 of the transition. After the last frame of the transition it continues with frame
+//!   `entry_frame + 1` of the target.
 //! - **Looping** motion of n frames: frame 0 follows frame n−1.
 //! - **Motion that ends**: stays at its last frame, in which every wheel stands still, and is left from there.
 //! - **SAFE**: the motion to which every motion has a route. It comes to rest in the safe pose.

@@ -1,8 +1,8 @@
 //! Validation of a whole library in one pass. Playback of a validated library cannot fail.
 //!
 //! Order: outer structure (CRCs, sections), manifest and channels against the robot, every frame of every clip, then the graph.
-//! The work is bounded by the size of the library. Each frame is decoded once, the four joined frames of each transition are
-//! found by a seek, and routes are computed as when a library is built.
+//! The work is bounded by the size of the library. Each frame is decoded once. Seeks find the four joined frames of each
+//! transition. Routes are computed as when a library is built.
 
 use super::block::BlockPlace;
 use super::container::{self, Container, MINOR_WITH_ATTITUDES, SECTIONS, Span};

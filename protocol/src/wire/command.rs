@@ -77,9 +77,10 @@ pub enum Action {
         /// Sample rate, Hz. The controller uses this rate or the next higher one that divides its control rate, and
         /// acknowledges it.
         rate_hz: u16,
-        /// Fraction of each joint's configured kp that its drive applies around a set-point, %. Stiff set-points have 100 %.
+        /// Fraction of each joint's configured kp that its drive applies around a set-point, 0 to 100 %. Stiff set-points have
+        /// 100 %.
         kp_percent: u8,
-        /// Fraction of each joint's configured kd that its drive applies around a set-point, %, 0 to 127. Stiff set-points have
+        /// Fraction of each joint's configured kd that its drive applies around a set-point, 0 to 100 %. Stiff set-points have
         /// 100 %.
         kd_percent: u8,
     },
@@ -242,8 +243,8 @@ pub struct CommandAck {
     pub state: State,
     /// Motion that the command leads to; `None` if there is none.
     pub motion: Option<u8>,
-    /// Value of the answer. For an arm or clear request it is the nonce to confirm with; for a motion, the number of frames
-    /// until it starts; for tracking, the sample rate in Hz. Otherwise it is 0.
+    /// Value of the answer: nonce that confirms an arm or clear request, number of frames until a motion starts, or sample rate
+    /// of tracking, Hz. Otherwise 0.
     pub value: u16,
 }
 

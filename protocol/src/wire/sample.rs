@@ -1,8 +1,8 @@
 //! Class 4: measurements of a robot at one time, for a host that closes the loop over the link.
 //!
-//! After [`super::Action::Track`] the controller sends a batch of messages at a fixed rate, in this order: [`Gyro`] and
-//! [`Accelerometer`] if there is an IMU, [`super::JointTelemetry`] of every channel, and finally [`Sample`]. The host answers
-//! it with a [`super::Setpoint`] for every channel.
+//! After [`super::Action::Track`] the controller sends a batch of messages at a fixed rate. With an IMU, the batch begins with
+//! [`Gyro`] and [`Accelerometer`]. [`super::JointTelemetry`] of every channel follows, and [`Sample`] ends the batch. The host
+//! answers the batch with a [`super::Setpoint`] for every channel.
 
 use super::{DecodeError, Kind, Node};
 use crate::actuator::{SPEED_STEPS, measured, signed};

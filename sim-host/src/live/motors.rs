@@ -84,8 +84,8 @@ pub fn run(
     }
 }
 
-/// Passes an event of a bus to the motors on it. Queues their frames, and sends the answers of servos on a serial line, `line` of
-/// which no packet is complete yet.
+/// Passes an event of a bus to the motors on it. Queues their frames, and sends the answers of servos on a serial line. `line`
+/// contains received bytes that are not a complete packet yet.
 ///
 /// # Errors
 /// Returns the reason why the bus is lost.

@@ -1,4 +1,4 @@
-//! Whole simulated robot in real time, of which only the link leaves the process.
+//! Whole simulated robot in real time. Only its link leaves the process.
 
 use super::clock::Clock;
 use super::{FrameQueue, Reopen, RobotBus};

@@ -7,16 +7,16 @@
 //!
 //! Time advances from event to event. Events at the same time are handled in this order:
 //!
-//! 1. frames that end: link0, act0, act1, ...; a servo answers at the end of a frame for it; then packets of serial lines that
-//!    end, and servos whose turn to send begins
-//! 2. delayed frames, faults that start or end, foreign nodes that send: [`crate::faults`]
-//! 3. unsolicited frames of drives such as ODrives
-//! 4. motors: a step of 1/[`MOTOR_RATE_HZ`]
-//! 5. control period: the record of the previous one is closed, the controller's `tick` runs
+//! 1. frames that end, in the order link0, act0, act1, ...; a servo answers at the end of a frame for it
+//! 2. packets of serial lines that end, and servos whose turn to send begins
+//! 3. delayed frames, faults that start or end, foreign nodes that send: [`crate::faults`]
+//! 4. unsolicited frames of drives such as ODrives
+//! 5. motors: a step of 1/[`MOTOR_RATE_HZ`]
+//! 6. control period: the record of the previous one is closed, the controller's `tick` runs
 //!
-//! After every event of the controller, its transmit buffers are filled. Each bus has a buffer of one frame, which is taken
-//! from the controller when the previous frame has been transmitted, so that no stale frame waits in hardware. An [`Adapter`]
-//! may have a deeper buffer.
+//! After every event of the controller, its transmit buffers are filled. Each bus has a buffer of one frame. The frame is taken
+//! from the controller when the previous one has been transmitted, so that no stale frame waits in hardware. An [`Adapter`] may
+//! have a deeper buffer.
 //!
 //! The controller is a [`Core`]: the firmware within this process, or a board elsewhere that receives time and frames.
 

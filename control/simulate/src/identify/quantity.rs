@@ -67,7 +67,6 @@ pub enum Kind {
     Delay,
 }
 
-/// Properties of a kind.
 struct KindProperties {
     kind: Kind,
     name: &'static str,

@@ -147,8 +147,8 @@ impl Recording {
     /// Reads a log of the simulated world, or any table with some of its columns. Other columns are ignored.
     ///
     /// # Errors
-    /// Returns an error if the table cannot be read, if a time or command column is missing, if times do not ascend, if the
-    /// motors are not those of `robot` or were not measured, or if no span can be fitted.
+    /// Returns an error if the table cannot be read, a time or command column is missing, or times do not ascend. Also returns an
+    /// error if the motors are not those of `robot` or were not measured, or no span can be fitted.
     pub fn from_text(
         text: &str,
         robot: &Robot,

@@ -74,7 +74,6 @@ pub(super) struct Replay {
     pub ground: Arc<dyn Ground>,
 }
 
-/// Residual of a measurement.
 #[derive(Clone, Debug)]
 pub(super) struct MeasurementResidual {
     pub signal: Signal,

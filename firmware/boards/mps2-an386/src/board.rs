@@ -13,7 +13,6 @@ use rollwalk_protocol::tunnel::{
 use rollwalk_protocol::wire::State;
 use static_cell::StaticCell;
 
-/// Controller with its store.
 type Core = Controller<image_keys::Libraries<Flash<{ store::CAPACITY }>>>;
 
 static CONTROLLER: StaticCell<Core> = StaticCell::new();

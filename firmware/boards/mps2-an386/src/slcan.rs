@@ -28,7 +28,6 @@ use line::Line;
 use servos::Servos;
 use store::{Flash, Stores};
 
-/// Controller with its store.
 type Core = Controller<image_keys::Libraries<Flash<{ store::CAPACITY }>>>;
 
 static CONTROLLER: StaticCell<Core> = StaticCell::new();

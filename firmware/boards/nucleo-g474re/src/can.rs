@@ -63,7 +63,7 @@ pub fn connect<T: Instance>(rx: Peri<'static, impl RxPin<T>>, tx: Peri<'static, 
     rx.set_as_af_unchecked(rx_function, AfType::input(Pull::Up));
     let mut tx = Flex::new(tx);
     tx.set_as_af_unchecked(tx_function, AfType::output(OutputType::PushPull, Speed::VeryHigh));
-    // They stay so; dropping them would disconnect the pins.
+    // The pins stay connected. Dropping `rx` and `tx` would disconnect them.
     core::mem::forget((rx, tx));
 }
 

@@ -132,7 +132,6 @@ fn main() -> ! {
     board.run()
 }
 
-/// Port to the host.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum HostPort {
     Can,

@@ -5,8 +5,8 @@ use embassy_stm32::pac::iwdg::vals::{Key, Pr};
 
 /// Timeout in units of 0.5 ms (32 kHz divided by 16).
 ///
-/// The longest stop of the control loop is the check of a library, while disarmed: about half a second for a full slot (320
-/// instructions a byte, counted on a host). The actuators' own watchdogs react faster.
+/// The longest stop of the control loop is the check of a library while disarmed. A full slot takes about half a second, by 320
+/// instructions a byte, counted on a host. The actuators' own watchdogs react faster.
 const TIMEOUT_HALF_MS: u16 = 2000;
 
 /// Running watchdog: a second without [`feed`](Self::feed) resets the chip.

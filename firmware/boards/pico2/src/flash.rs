@@ -1,9 +1,9 @@
 //! Flash of libraries, parameters and boot counter: the upper half of the Pico 2's 4 MiB, erased in sectors of 4 KiB and
 //! written in pages of 256 bytes.
 //!
-//! **The program stands still during a write or erase**, interrupts included, because it runs from the same flash. Erasing a
-//! sector takes 45 ms, and up to 400 ms by the data sheet of the flash (W25Q32JV-like); writing a page takes 0.4 to 3 ms. The
-//! store writes only while torque is off. Messages of the host are lost in that time, and the host repeats them.
+//! **The program stands still during a write or erase**, interrupts included, because it runs from the same flash. By the data
+//! sheet of a similar flash (W25Q32JV), erasing a sector takes 45 ms, at most 400 ms. Writing a page takes 0.4 to 3 ms. The store
+//! writes only while torque is off. Messages of the host are lost in that time, and the host repeats them.
 
 use crate::partition::{Part, Parts};
 use core::ptr::read_volatile;

@@ -107,7 +107,6 @@ struct ActuatorLine {
     line: Line<Sender>,
 }
 
-/// Port to the host.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum HostPort {
     Usb,

@@ -4,8 +4,8 @@ use embassy_rp::pac::{PSM, WATCHDOG};
 
 /// Timeout of the watchdog, µs.
 ///
-/// The longest stops of the control loop are the check of a library and the erasure of a flash sector, while disarmed: at most
-/// about half a second each. The servos' own watchdogs react faster.
+/// The longest stops of the control loop are the check of a library and the erasure of a flash sector, while disarmed. Each takes
+/// at most about half a second. The servos' own watchdogs react faster.
 const TIMEOUT_US: u32 = 1_000_000;
 /// Reset mask of everything except the oscillators, bits 2 and 3 (7.4.5).
 const ALL_BUT_OSCILLATORS: u32 = 0x01FF_FFF3;
