@@ -62,7 +62,7 @@ impl Ramp {
         let u = (self.elapsed_s() / self.duration_s).min(1.0);
         let blend = u * u * u * (10.0 + u * (6.0 * u - 15.0));
         let rate = 30.0 * u * u * (1.0 - u) * (1.0 - u) / self.duration_s;
-        // At the end this is exactly the entry pose, from which `from + (to - from)` may differ by rounding.
+        // Ends exactly in SAFE, from which `from + (to - from)` may differ by rounding.
         let value = if u == 1.0 { to } else { from + blend * (to - from) };
         let torque_nm = before_nm + blend * (after_nm - before_nm);
         Some(Target { value, slope: rate * (to - from), torque_nm })

@@ -13,7 +13,7 @@ const NONCE_LIFE_US: u64 = 2_000_000;
 pub(crate) enum Verdict {
     /// Execute the command, then call [`Gate::answered`].
     Execute,
-    /// Repeat the given answer, because the command was executed before.
+    /// Repeat the given answer, because the command was answered before.
     Repeat(CommandAck),
     /// Refuse the command with the given result.
     Refuse(CommandResult),

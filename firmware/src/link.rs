@@ -29,7 +29,7 @@ const AHEAD: u32 = 2;
 /// Time after which the lead may be larger by one, µs: half the heartbeat period. Numbers that rise faster are repetitions of
 /// old heartbeats, such as 0, 100, 200 over and over.
 const AHEAD_US: u32 = HEARTBEAT_PERIOD_MS * 1000 / 2;
-/// Maximum number of polls for which a message may be in the transport. More indicate an internal error.
+/// Maximum number of polls of the transport for its next frame. Some polls only report that a message failed.
 const MAX_POLLS: usize = 4;
 
 /// Message whose content is sampled at the time of transmission.

@@ -1,7 +1,8 @@
 //! Set-points of the actuators: enabling, alignment, playback, damping, torque off.
 //!
-//! Each torque state of the state machine has one stage. In every stage a target reaches an actuator only through the limiter.
-//! The limiter passes nothing for a channel whose pose was not measured since torque was last off.
+//! The motion is always in one stage: off, enabling, ramp to SAFE, playback, stream, tracking, or damped. In every stage a target
+//! reaches an actuator only through the limiter. The limiter passes nothing for a channel whose pose was not measured since
+//! torque was last off.
 
 mod health;
 mod host;
@@ -420,7 +421,8 @@ impl Motion {
             (&mut limited, parts, limits.kind)
             && target.slope.is_finite()
         {
-            // The set-point may be far from the joint's position, and jump. Its slope is not a speed of the joint.
+            // The set-point may be far from the joint's position, and jump. Its change in a period is then no speed of the joint,
+            // so the slope of the target applies.
             limited.slope = within(target.slope, -limits.max_rate, limits.max_rate);
         }
         if let (Some(target), Some(slot)) = (limited, self.emitted.get_mut(channel)) {

@@ -18,8 +18,10 @@
 //! The motors drive only in Aligning, Ready, Playing, Paused, Streaming and Returning. The only transition into these states is
 //! Disarmed → Aligning, and alignment starts from the measured pose. Streaming is entered from Ready, and ends through Aligning
 //! or Returning. After a stream, Returning holds the robot at its current pose, since no transition of the graph starts there.
+//!
 //! Events that arise together are handled most severe first, so the outcome does not depend on the order in which frames
 //! arrived. [`rollwalk_protocol::faults`] defines the severity of each event.
+//!
 //! TorqueOff with a latched fault and EStopped are left only by the operator's two-step clear, which runs the self test again.
 //! A fault therefore never re-arms the robot.
 

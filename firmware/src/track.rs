@@ -198,7 +198,7 @@ impl Track {
             let moves = self.answers > 0 && between > 0 && self.held == 0;
             *slope = if moves { (new - old) / between_s } else { 0.0 };
         }
-        // Drives answered one after the other in the period before the sample, half a period earlier on average.
+        // The delay includes another period, because drives answered during the period before the sample.
         let age = u16::from(self.age(self.whole.number).unwrap_or(0));
         let since_sample =
             age.saturating_mul(self.tracking.periods).saturating_add(self.since_sample);

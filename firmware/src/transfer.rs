@@ -1,7 +1,7 @@
 //! Library transfer: receives blocks, checks the library and activates it.
 //!
-//! This module is the only writer of the store. Before a library changes, the record that it is valid is dropped; validation of
-//! the bytes read back from the store restores it.
+//! This module is the only writer of the store. Before a library changes, its index is dropped. Validation of the bytes that are
+//! read back from the store creates a new index.
 //!
 //! A store with two slots keeps the active library playable during a transfer, and activates the new one on trial. The new
 //! library is confirmed once one of its motions has been played and SAFE is reached again.

@@ -82,7 +82,7 @@ impl Actuator {
     pub fn on_counted_feedback(&mut self, feedback: Feedback) {
         if self.feedback().is_none_or(|last| last.counter != feedback.counter) {
             self.silent_ticks = 0;
-            // The actuator may have sent "off" before it received "on", and have another state now.
+            // Only the latest report counts: an earlier "off" may have been sent before the actuator received "on".
             self.known_off = !feedback.status.enabled();
             self.reported = feedback;
             (self.has_reported_pose, self.has_reported_state) = (true, true);

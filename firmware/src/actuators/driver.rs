@@ -104,7 +104,7 @@ impl BusDriver {
         !self.can.measures_position && self.bus.pose == Pose::AssumedSafe
     }
 
-    /// True if a query does not change the state of an actuator.
+    /// True if the actuators answer queries. Others send their feedback on a timer, or never.
     pub fn can_be_queried(&self) -> bool {
         matches!(self.can.answers, Answers::Always | Answers::OnQuery)
     }

@@ -328,7 +328,7 @@ impl Actuators {
             ControlLoop::OnController if actuator.silent_ticks <= FRESH_TICKS => {
                 Some(orders::torque(limits, target, hold, &feedback))
             }
-            // The present pose is unknown. The command is sent nevertheless, because the actuator may answer.
+            // The feedback is outdated. Zero torque is sent nevertheless, because the actuator may answer.
             ControlLoop::OnController => Some(Command::Torque { torque_nm: 0.0 }),
         };
         driver.give_up(channel);

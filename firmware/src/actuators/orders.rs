@@ -109,7 +109,7 @@ pub fn command(
         },
         DriveRequest::QueryReadings => Command::QueryReadings,
         DriveRequest::Query if can.query => Command::Query,
-        // The actuator answers any command, so the command changes nothing.
+        // Without a command for queries, the controller sends one that changes nothing. The actuator answers every command.
         DriveRequest::Query if feedback.status.enabled() => limp(limits, feedback),
         DriveRequest::Query => Command::Disable,
     }

@@ -58,7 +58,7 @@ impl Motion {
         }
     }
 
-    /// Ramps to SAFE from the current set-points of a stream, or from the current angles of a tracked robot's joints.
+    /// Ramps to SAFE from the values at which the channels can rest without a change of torque.
     pub fn align_from_stream(
         &mut self,
         setup: &Setup,

@@ -40,7 +40,7 @@ impl SoftGains {
     }
 
     /// Returns the set-point at which the full gains produce the torque that the current gain fractions produce at `meant`, the
-    /// latest set-point.
+    /// latest set-point. Later rises of the gains keep this torque.
     ///
     /// Returns `meant` for a channel without a measured angle.
     pub fn rest(&mut self, channel: usize, meant: f32, measured_rad: Option<f32>) -> Option<f32> {

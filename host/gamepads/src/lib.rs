@@ -5,7 +5,7 @@
 //! |---|---|
 //! | [`inputs`] | buttons and axes by name |
 //! | [`mod@file`] | mapping files |
-//! | [`mapped_gamepad`] | state machine that turns events into operator requests: motion only with the deadman held, emergency stop always |
+//! | [`mapped_gamepad`] | state machine from events to operator requests; motion only with the deadman, emergency stop always |
 //! | [`standard`] | events from the states of gamepads in browsers |
 //!
 //! ```
