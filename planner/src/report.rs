@@ -142,8 +142,8 @@ impl Report {
         rows.max_by(|a, b| a.part_of_level().total_cmp(&b.part_of_level()))
     }
 
-    /// Returns the conclusion as text, for all programs: verdict, diagnosis, grids that were too coarse, and warnings. One
-    /// warning is that soft servos need feed-forward. `solve` is the summary of the plan.
+    /// Returns the conclusion as text, for all programs: verdict, diagnosis, grids that were too coarse, changed times, and
+    /// warnings. One warning is that soft servos need feed-forward. `solve` is the summary of the plan.
     pub fn words(&self, solve: &SolveSummary) -> String {
         let mut text = self.conclusion(solve).to_string();
         if let Some(why) = &solve.diagnosis {

@@ -52,7 +52,7 @@ pub struct DesignFile {
     pub robot: String,
     /// Motions of the design, with weights.
     pub motions: Vec<WeightedMotion>,
-    /// Parameters; never empty.
+    /// Parameters. A file has at least one.
     pub parameters: Vec<Parameter>,
     /// Goal of the optimisation, if the file has one.
     pub goal: Option<Goal>,

@@ -19,7 +19,7 @@ use rollwalk_planner::{Options, Progress};
 
 /// Damping δ of the free parameters, in their units.
 const DAMPING: f64 = 1e-2;
-/// Number of steps that divide the given change.
+/// Number of steps into which the given change is divided.
 const STEPS: usize = 4;
 /// Fraction of the drift that a step cancels. Eq. 2.22 as printed has −1.
 const TAKEN_BACK: f64 = 1.0;

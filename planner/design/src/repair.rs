@@ -290,7 +290,7 @@ impl<E> RepairState<'_, '_, E> {
                 Err(error) => return Err(error.into()),
             }
         }
-        // Without multipliers, because with them the point moves away while nothing helps.
+        // The first round has no multipliers. With multipliers, the point moves away even if nothing helps.
         let (values, short, solutions) = nearest.expect("there is a round");
         self.values = values;
         if solutions.iter().all(is_solved) {

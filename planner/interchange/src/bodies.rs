@@ -15,7 +15,7 @@ pub const WORLD: &str = "world";
 /// point as a plan's disc.
 pub const TYRE_HALF_WIDTH: f64 = 0.02;
 
-/// Mass of a blade, as a fraction of the link's mass, if a spinning wheel without resistance replaces the blade.
+/// Mass of the spinning wheel that replaces a blade, as a fraction of the link's mass.
 const BLADE_SHARE: f64 = 1e-4;
 
 /// Largest distance of a part's centre from a wheel's centre, as a fraction of the wheel's radius, at which the part belongs

@@ -1,7 +1,8 @@
 //! MJCF, the models of MuJoCo: <https://mujoco.readthedocs.io/en/stable/XMLreference.html>.
 //!
-//! The model contains level ground, or the terrain of its plan. Servos are its actuators; a gyro, an accelerometer and the
-//! motors' angles are its sensors. [`motion`] adds a plan as keyframes with the controls that play it.
+//! The model contains level ground, or the terrain of its plan. Servos are its actuators. Its sensors are a gyro, an
+//! accelerometer, the attitude, and the angles and speeds of all joints and axles. [`motion`] adds a plan as keyframes with the
+//! controls that play it.
 
 mod frames;
 pub mod order;
@@ -317,7 +318,7 @@ fn pose(pose: &Isometry3<f64>) -> [(&'static str, String); 2] {
     [("pos", vector(&pose.translation.vector)), ("quat", numbers(&[q.w, q.i, q.j, q.k]))]
 }
 
-/// Couplings as fixed tendons, whose length is the angle of the motor.
+/// Couplings as fixed tendons, whose length is the angle of the motor, and rods as spatial tendons.
 fn tendons(xml: &mut Xml, robot: &Robot, bodies: &[Body<'_>]) -> io::Result<()> {
     if !robot.joints.iter().any(Joint::is_coupled) {
         return Ok(());
@@ -358,7 +359,7 @@ fn linkages<'b>(
     })
 }
 
-/// Rods as spatial tendons of constant length.
+/// Constraints that keep the length of the rods' tendons constant.
 fn rods(xml: &mut Xml, robot: &Robot, bodies: &[Body<'_>]) -> io::Result<()> {
     if linkages(robot, bodies).next().is_none() {
         return Ok(());
@@ -412,7 +413,7 @@ fn actuators(xml: &mut Xml, robot: &Robot, bodies: &[Body<'_>]) -> io::Result<()
     })
 }
 
-/// Hinges with motors in channel order: joints, then wheels.
+/// Hinges with and without motors, in channel order: joints, then wheels.
 pub fn channels<'b>(
     robot: &'b Robot,
     bodies: &'b [Body<'b>],

@@ -7,7 +7,7 @@ use rollwalk_protocol::library::{Attitude, MAX_TILT_RAD};
 type Direction = [f64; 3];
 
 /// Mean direction of the world's vertical in the base frame, and the largest angle of a sample's vertical from it, rad. Returns
-/// an error if the two tilt the body by more than [`MAX_TILT_RAD`].
+/// an error if the sum of this angle and the tilt of the mean direction exceeds [`MAX_TILT_RAD`].
 pub fn attitude(plan: &Plan) -> Result<Attitude, LibraryError> {
     let ups: Vec<Direction> =
         plan.samples.iter().map(|s| up_in_base(s.base_orientation_wxyz)).collect();

@@ -14,7 +14,7 @@ const SWING_HIGHEST_M: f64 = 1.0;
 /// Difference below which two times are equal, s.
 const SAME_TIME_S: f64 = 1e-6;
 
-/// Checks a motion against the tables of its targets and height limits. The tables are in the order of the motion.
+/// Checks the targets and height limits of a motion. `targets` and `heights` contain their tables, in the order of the motion.
 pub(super) fn check(motion: &Motion, robot: &Robot, targets: &[Table<'_>], heights: &[Table<'_>]) {
     for (index, (target, table)) in motion.targets.iter().zip(targets).enumerate() {
         check_target(table, motion, robot, index, target);
@@ -40,7 +40,7 @@ fn check_target(
         && check_way(table, motion, robot, index)
 }
 
-/// Refuses targets for fixed values: position and heading of the body at time 0, and speeds at an end at rest.
+/// Refuses targets for fixed values: horizontal position and heading of the body at time 0, and speeds at an end at rest.
 fn check_ends(table: &Table<'_>, motion: &Motion, target: &Target) -> bool {
     let at_start = target.at_s < SAME_TIME_S;
     let at_end = motion.duration_s - target.at_s < SAME_TIME_S;
@@ -324,7 +324,8 @@ fn check_within(table: &Table<'_>, motion: &Motion, target: &Target) -> bool {
     true
 }
 
-/// Checks that body and centre of mass can reach the target from the previous target or the start, given the stance feet.
+/// Checks that body and centre of mass can reach the target from the previous target or the start, given the end effectors that
+/// never leave the ground.
 fn check_way(table: &Table<'_>, motion: &Motion, robot: &Robot, index: usize) -> bool {
     let target = &motion.targets[index];
     if matches!(target.of, Subject::EndEffector(_)) {

@@ -408,7 +408,7 @@ fn turn(table: &Table<'_>) -> Option<f64> {
     None
 }
 
-/// Refuses footfalls without any stance, and swings too short for a foot.
+/// Refuses footfalls without any stance, swings without a height, and swings too short for a foot.
 fn check_swings(table: &Table<'_>, stance: &[Vec<bool>], height_m: f64, robot: &Robot) {
     let fault = |problem: String, label: &str, help: &str| {
         table.fault("footfalls", problem, label, help);

@@ -283,7 +283,7 @@ impl Maps<'_> {
         ElevationMap::Contour(Arc::new(contour)).turned(self.terrain.heading_rad)
     }
 
-    /// Elevation map of ground without edges: a slope or a height field.
+    /// Elevation map of ground without edges: level, a slope or a height field. `None` for a profile.
     fn smooth(&self) -> Option<ElevationMap> {
         let map = match &self.terrain.shape {
             Shape::Level => ElevationMap::default(),

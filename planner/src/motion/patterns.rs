@@ -11,7 +11,7 @@ use std::fmt;
 const DUTIES: [f64; 3] = [0.6, 0.7, 0.8];
 /// Minimum number of samples of a swing.
 const SWING_SAMPLES: f64 = 5.0;
-/// Duration of a cycle in a motion at rest at its ends, s.
+/// Approximate duration of a cycle in a motion at rest at its ends, s.
 const CYCLE_S: f64 = 1.0;
 /// Swing height of a motion without one, as a fraction of the standing height.
 const SWING_HEIGHT: f64 = 0.12;
@@ -71,8 +71,8 @@ impl fmt::Display for PatternKind {
 }
 
 impl Motion {
-    /// Returns the motion with each footfall pattern that suits robot and goal: the given one first, then rolling on all wheels,
-    /// then the named gaits. Patterns equal to an earlier one are left out.
+    /// Returns the motion with each footfall pattern that suits the robot: the given one first, then rolling on all wheels, then
+    /// the named gaits. Patterns equal to an earlier one are left out. A motion that lies has only the given pattern.
     pub fn patterns(&self, robot: &Robot) -> Vec<Pattern> {
         let mut patterns = vec![Pattern { kind: PatternKind::Given, motion: self.clone() }];
         // The feet of a robot that lies rise with its body.
@@ -112,7 +112,7 @@ impl Motion {
 
     /// Number of cycles and samples of a gait, so that swings have enough samples.
     fn grid(&self, duty: f64) -> (Option<u32>, usize) {
-        // A swing of n samples takes n + 1 intervals, and its ends lie on samples by chance.
+        // A swing of n + 1 intervals contains only n samples if its ends lie on samples.
         let of_cycle = ((SWING_SAMPLES + 1.0) / (1.0 - duty)).ceil();
         let given = self.stance.len();
         if self.ends == Ends::Periodic {
@@ -123,7 +123,7 @@ impl Motion {
         (Some(cycles as u32), given.max(samples).min(super::file::SAMPLES_MAX as usize))
     }
 
-    /// Returns the motion with other footfalls, possibly on other samples.
+    /// Returns the motion with other footfalls, whose sample count may differ.
     fn with_footfalls(&self, stance: Vec<Vec<bool>>, robot: &Robot) -> Self {
         let mut motion = self.with_stance(stance);
         if let (Some(terrain), Some(of)) = (self.ground.terrain(), &self.terrain) {

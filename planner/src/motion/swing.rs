@@ -10,7 +10,7 @@
 use super::{Ends, Moment, Motion, Subject};
 use std::f64::consts::PI;
 
-/// Minimum number of samples between the samples of lift-off and touch-down at which a swing foot is above the ground.
+/// Minimum number of samples above the ground in a swing whose first and last sample are on the ground.
 const LEAST_SWING: isize = 3;
 
 /// Contact heights along a timeline, `[timeline sample][end effector]`, m. `timeline` contains the slot of each timeline

@@ -8,7 +8,8 @@ use rollwalk_robot::{Actuator, Robot};
 
 impl Culprit {
     /// Returns the request with `number` in place of the value that this culprit names. The value is replaced everywhere: in
-    /// every motor with the same limit and in every target with the same value. `None` if the culprit names no value.
+    /// every motor with the same limit and in every target with the same value. `None` if the culprit names no value, if the
+    /// request does not contain it, or if a clip cannot have the duration `number`.
     pub fn with_number(
         &self,
         robot: &Robot,

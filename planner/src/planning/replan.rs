@@ -28,7 +28,8 @@ use std::ops::ControlFlow;
 /// A distant plan may converge more slowly than a cold start. If it does not converge, the motion is planned from scratch.
 ///
 /// # Errors
-/// Returns an error if the robots differ in joints or end effectors, or if the motions differ in their ends.
+/// Returns an error if the robots differ in joints or end effectors, if the motions differ in their ends, or if the ends are
+/// prescribed.
 pub fn replan(
     previous: &Plan,
     robot: &Robot,
@@ -77,7 +78,8 @@ impl Solution {
     /// the same pattern.
     ///
     /// # Errors
-    /// Returns an error if the robots differ in joints or end effectors, or if the motions differ in their ends.
+    /// Returns an error if the robots differ in joints or end effectors, if the motions differ in their ends, or if the ends are
+    /// prescribed.
     pub fn replan(
         &self,
         robot: &Robot,

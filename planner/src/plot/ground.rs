@@ -48,7 +48,7 @@ impl EvaluatedPlan<'_> {
             lines.filter(|line: &Vec<_>| !line.is_empty()).map(curve).collect();
         let planned = self.plan.samples.iter().map(|sample| (sample.time_s, inside_m(sample)));
         series.first_mut()?.dots = planned.filter_map(point).collect();
-        // A change of less than a centimetre is not interesting.
+        // The panel covers at least a centimetre, so that smaller changes look small.
         let include = vec![0.0, 0.01];
         let title = "centre of mass inside support (m)";
         Some(self.limited(title, series, Vec::new(), include))

@@ -146,7 +146,7 @@ impl Figure {
         Piece { depth: camera.depth(&center), group }
     }
 
-    /// Draws a wheel with a spoke or the sphere of a foot, with a shadow in stance.
+    /// Draws a wheel with a spoke or the sphere of a foot, with a mark on the ground in stance.
     fn foot(
         &self,
         camera: &Camera,

@@ -14,7 +14,7 @@ use std::f64::consts::PI;
 const SLACK: f64 = 1.1;
 
 impl Problem {
-    /// Obstacles that a part of the robot may reach.
+    /// Obstacles that a part of the robot may reach; all obstacles if the distance has no bound.
     pub(super) fn obstacles_in_reach(&self) -> Vec<Obstacle> {
         let all = self.ground.obstacles();
         let Some(reach_m) = self.reach_m().filter(|_| self.at_rest && !all.is_empty()) else {

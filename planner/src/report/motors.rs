@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use rollwalk_multibody::euler::JOINTS;
 use rollwalk_robot::{Actuator, GRAVITY_M_S2, Joint};
 
-/// Residuals of joint and wheel torques at the samples, and of torque-speed lines on the intervals.
+/// Residuals of joint and wheel torques, and of torque-speed lines: at the samples for joints, on the intervals for wheels.
 pub fn torques(timeline: &Timeline) -> Vec<WorstCase> {
     let mut joint = WorstCase::of(Family::JointTorque, Grid::Samples);
     let mut passive = WorstCase::of(Family::PassiveJoint, Grid::Samples);

@@ -30,7 +30,8 @@ pub struct Price {
 }
 
 impl Optimal {
-    /// Returns the prices of all active constraints, highest first.
+    /// Returns the prices of the active constraints that have an appreciable one, highest first. Equations without a field have
+    /// none.
     pub fn prices(&self) -> Vec<Price> {
         of(&self.problem, &self.unknowns, &self.shifts)
     }

@@ -29,11 +29,11 @@ pub struct NormalEquations {
     sorted: Vec<f64>,
 }
 
-/// Fronts, and the position of each row in its front. Both depend on the sparsity pattern of the rows alone.
+/// Fronts, and the destinations of rows in them. Both depend only on which rows have room, and on their sparsity pattern.
 struct Elimination {
     fronts: Fronts,
     units: Units,
-    /// Destinations of the units that have contributed so far.
+    /// Destinations of units of several rows, and of the single rows that have contributed so far.
     places: Vec<Option<ScatterMap>>,
 }
 

@@ -24,7 +24,7 @@ pub struct Row {
     pub status: String,
     /// True if the motion is solved and passes the checks.
     pub holds: bool,
-    /// Reason why there is no plan; empty if there is a plan.
+    /// Diagnosis of the plan, or reason why there is no plan; empty if there is neither.
     pub reason: String,
     /// Number of planner iterations.
     pub iterations: u64,

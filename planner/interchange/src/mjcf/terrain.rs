@@ -1,4 +1,5 @@
-//! Terrain of a plan as geoms: a plane for level ground and slopes, a box for each tread of a profile, a height field.
+//! Terrain of a plan as geoms: a plane for level ground and slopes, a box for each tread of a profile, a height field, and a box
+//! or capsule for each obstacle.
 
 use crate::xml::{Xml, numbers};
 use nalgebra::{Rotation3, Vector3};

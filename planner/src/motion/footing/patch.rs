@@ -6,7 +6,7 @@ use rollwalk_multibody::ground::ElevationMap;
 /// Part of a terrain on which a foot may stand.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Patch {
-    /// Plane of the patch.
+    /// Ground of the patch: the plane of a tread, or a smoothed elevation map.
     pub plane: ElevationMap,
     /// Borders, at the margin from the edges.
     pub borders: Vec<Border>,

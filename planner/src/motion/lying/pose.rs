@@ -24,7 +24,7 @@ const INWARD: f64 = 1.5;
 const NOMINAL: f64 = 0.3;
 /// Largest angle of a joint off its nominal value, rad.
 const TURN_RAD: f64 = 2.8;
-/// Number of points of a limb's grid.
+/// Desired number of points of a limb's grid.
 const GRID: usize = 3000;
 /// Maximum number of grid points of a limb with many joints, for each of which the grid has two angles.
 const GRID_MAX: usize = 10 * GRID;
@@ -38,7 +38,8 @@ const STEPS: usize = 40;
 const DAMPING_MAX: f64 = 1e8;
 /// Step of joint angles for differences, rad.
 const DIFFERENCE_RAD: f64 = 1e-6;
-/// Largest accepted deviation of the pose from its conditions, as a fraction of the standing height. The plan meets it exactly.
+/// Largest accepted deviation of the pose from its conditions, as a fraction of the standing height. A plan meets the conditions
+/// exactly.
 const TOLERANCE: f64 = 0.02;
 
 /// Pose of a robot on its body.

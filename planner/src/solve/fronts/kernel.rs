@@ -1,7 +1,7 @@
 //! Dense kernels of one front: factorisation of its panel, and the two triangular solves.
 //!
-//! Columns have padded lengths, so that the kernels process whole vectors. Tiles of three vectors by eight columns keep their
-//! sums in registers. Sums have the same order for every vector width, hence all processors with fused multiplication
+//! Columns have padded lengths, so that the kernels process whole vectors. Tiles of three vectors by up to eight columns keep
+//! their sums in registers. Sums have the same order for every vector width, hence all processors with fused multiplication
 //! compute the same digits.
 
 use pulp::{Simd, WithSimd};
@@ -269,7 +269,7 @@ impl WithSimd for Forward<'_> {
         let lanes = S::F64_LANES;
         for (k, column) in panel.chunks_exact(stride).enumerate().take(pivots) {
             let x = side[k] / column[k];
-            // Lines above the diagonal are zero, and the pivot itself is set below.
+            // Lines above the diagonal are zero, and the entry of the pivot is set afterwards.
             let from = k / lanes * lanes;
             let minus = simd.splat_f64s(-x);
             let (factors, _) = S::as_simd_f64s(&column[from..]);
