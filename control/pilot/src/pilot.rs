@@ -110,7 +110,7 @@ pub struct Pilot {
     has_failed: bool,
     /// True if the present error of the planner was already reported.
     has_said_why: bool,
-    /// First frames of a stream, until the controller follows it.
+    /// First frames of a stream, until the command STREAM is sent.
     first: Option<Vec<Vec<Target>>>,
     /// Number of consecutive [`Stretch`]es in which the robot was commanded to stand and stood.
     stood: u32,

@@ -73,9 +73,9 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
 
     /// Control laws of the motors in a tick that lasts from `from_s` to `to_s` of the motion.
     ///
-    /// Times are in s and continue over all periods. `measured` is the measurement at the beginning of the tick. If the tracker
-    /// has no set-points, the motors get the planned set-points and torques, and the reason is returned too. After 0.1 s without
-    /// set-points the robot stops: the plan ends at the next time at which all or most of its end effectors stand.
+    /// Times are in s and continue over all periods. `measured` is the measurement at the beginning of the tick. If the robot is
+    /// not tracked, the motors get the planned set-points and torques, and the reason is returned too. After 0.1 s without
+    /// set-points of the tracker the robot stops: the plan ends at the next time with the largest number of stance feet.
     pub fn tick(
         &mut self,
         [from_s, to_s]: [f64; 2],

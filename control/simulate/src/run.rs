@@ -45,7 +45,7 @@ pub struct Moment<'a> {
     pub done_s: f64,
     /// Duration of the whole run, s.
     pub all_s: f64,
-    /// Time of the motion, s: 0 before it, and its duration after it.
+    /// Time of a finite motion, s: 0 before it, and its duration after it. For a periodic motion, time of the present period.
     pub motion_s: f64,
     /// True if the robot has fallen, which ends the run.
     pub has_fallen: bool,

@@ -1,7 +1,7 @@
 //! Safe stop of a robot that can no longer be tracked.
 //!
 //! The robot plays its plan in open loop to the next time at which it can stand, and stays in that pose. Its driven wheels come
-//! to rest. [`crate::closed_loop`] begins the stop. To end it, start the motion again.
+//! to rest. [`crate::follower`] begins the stop, which is final: only a new controller starts the motion again.
 
 use crate::script::Script;
 use rollwalk_physics::motor::Law;
@@ -16,9 +16,9 @@ const WHEELS_S: f64 = 0.5;
 /// Safe stop of a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct SafeStop {
-    /// Time at which the plan ends, s. Times of a periodic plan continue over all periods.
+    /// Time of the plan at which it is stopped, s. Times of a periodic plan continue over all periods.
     at_s: f64,
-    /// Time of the plan at the previous tick, s. It continues after the end of the plan.
+    /// Time of the plan at the previous tick, s. It continues after `at_s`.
     now_s: f64,
 }
 
@@ -48,7 +48,7 @@ impl SafeStop {
         Self { at_s: best.1, now_s }
     }
 
-    /// True if the plan has ended, and the wheels have come to rest.
+    /// True if the plan is stopped, and the wheels have come to rest.
     pub fn is_over(&self) -> bool {
         self.now_s - self.at_s >= WHEELS_S
     }

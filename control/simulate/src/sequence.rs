@@ -310,9 +310,10 @@ impl<'p> Sequence<'p> {
 
     /// Control laws of the motors from a measurement until the next one.
     ///
-    /// `time_s` is the time of the measurement, s, from any origin; ticks may be skipped. The motors get the set-points of the
-    /// plan if `time_s` is not later than the previous time, or if the tracker has no set-points. The reason is then returned
-    /// too. After 0.1 s without set-points in motion the robot stops for good ([`TrackingError::Stopped`]).
+    /// `time_s` is the time of the measurement, s, from any origin; ticks may be skipped. If the robot is not tracked, the motors
+    /// get the set-points of the plan, and the reason is returned too. With sensors, a robot is not tracked if `time_s` is not
+    /// later than the previous time. After 0.1 s without set-points in motion the robot stops for good
+    /// ([`TrackingError::Stopped`]).
     pub fn tick(
         &mut self,
         time_s: f64,

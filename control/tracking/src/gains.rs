@@ -86,7 +86,8 @@ impl Stage {
     fn new(from: &Moment, to: &Moment, interval_s: f64) -> Self {
         let size = from.a.nrows();
         let h = interval_s;
-        // A maps positions of end effectors to spin, and spin to rotation. A³ is zero, so the series of exp(h A) is finite.
+        // A maps velocity to position of the centre of mass, this position and those of end effectors to spin, and spin to
+        // rotation. A⁴ is zero, so the series of exp(h A) is finite.
         let square = &from.a * &from.a;
         let identity = DMatrix::identity(size, size);
         let moves = &identity * h

@@ -9,8 +9,8 @@
 //! δċ = δv    m δv̇ = Σ δf    δθ̇ = δω    I δω̇ = Σ (p − c) × δf + Σ δp × f − δc × Σ f    δṗ = u
 //! ```
 //!
-//! A wheel on the ground moves only along its rolling direction, a foot on the ground not at all. All vectors are in axes whose
-//! x is the planned heading of the body, so that a periodic motion that turns has equal matrices in every period.
+//! A wheel or blade on the ground moves only along its direction of travel, a foot on the ground not at all. All vectors are in
+//! axes whose x is the planned heading of the body, so that a periodic motion that turns has equal matrices in every period.
 
 use crate::reference::Reference;
 use nalgebra::{DMatrix, Matrix3, Matrix6xX, Rotation3, Vector3};

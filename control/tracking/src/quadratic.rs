@@ -52,7 +52,7 @@ pub enum SolveError {
     TooManySteps,
 }
 
-/// Solver of programs of a fixed maximum size, with its memory.
+/// Solver of programs with a fixed number of unknowns, with its memory.
 #[derive(Clone, Debug)]
 pub struct Solver {
     x: DVector<f64>,
@@ -87,7 +87,7 @@ impl Solver {
     /// Maximum number of steps of a solve.
     pub const STEPS_MAX: u32 = 500;
 
-    /// Creates a solver for programs with at most the given numbers of unknowns and constraints.
+    /// Creates a solver for programs with a number of unknowns, and at most a number of constraints.
     pub fn new(unknowns: usize, constraints: usize) -> Self {
         Self {
             x: DVector::zeros(unknowns),
@@ -121,13 +121,13 @@ impl Solver {
         self.active.iter().copied().zip(self.multipliers.iter().copied())
     }
 
-    /// Solves a program of the solver's size.
+    /// Solves a program.
     ///
     /// # Errors
-    /// Returns an error if the program is not convex or infeasible, or if the solve exceeds [`Self::STEPS_MAX`].
+    /// Returns an error if the program is not convex or has no solution, or if the solve exceeds [`Self::STEPS_MAX`].
     ///
     /// # Panics
-    /// Panics if the program has another size.
+    /// Panics if the program has another number of unknowns than the solver, or more constraints.
     pub fn solve(&mut self, program: &Program) -> Result<&DVector<f64>, SolveError> {
         self.begin(program)?;
         for constraint in 0..program.equalities {

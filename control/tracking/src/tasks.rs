@@ -1,6 +1,6 @@
 //! Tasks of a tick as weighted squares of their errors: the objective of its quadratic program.
 //!
-//! Unknowns are ν̇, and the three force components of each standing end effector in world axes.
+//! Unknowns are ν̇, and the three force components of each end effector in world axes.
 
 use crate::quadratic::Program;
 use nalgebra::{DVectorView, Dim, Matrix, RawStorage, U3, Vector3};

@@ -121,7 +121,7 @@ pub struct Operator {
     flashing: Option<Flashing>,
     /// Set-points to send.
     setpoints: Setpoints,
-    /// True if RETURN has ended the stream.
+    /// True from RETURN in [`State::Streaming`] until the robot is in SAFE.
     ends_stream: bool,
     /// Identity of the transferred library, until HELLO reports the active one.
     awaited: Option<u32>,

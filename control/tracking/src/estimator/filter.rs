@@ -25,8 +25,8 @@ const ANGULAR_ACCELERATION: f64 = 2.2;
 const SPECIFIC_FORCE: f64 = 0.022;
 /// Specific force above which a sample may be wrong, m/s².
 ///
-/// The filter adds the excess to the standard deviation of the velocity, so that contact measurements correct the velocity
-/// after a wrong sample.
+/// The product of excess and tick is an additional standard deviation of the velocity, so that contact measurements correct the
+/// velocity after a wrong sample.
 const OUTLIER_M_S2: f64 = 50.0;
 /// Process noise of the velocity without an accelerometer, (m/s²)/√Hz: 5 m/s² at 500 Hz.
 const UNMEASURED_FORCE: f64 = 0.22;
