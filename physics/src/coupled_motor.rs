@@ -47,7 +47,7 @@ impl Pose {
 struct CoupledHinge {
     /// Radians of the motor per radian of the hinge, if constant.
     ratio: f64,
-    /// Carrying and driven body, as indices of the motor's bodies.
+    /// Carrying and driven body, as indices into the bodies of the motor.
     ends: [usize; 2],
     /// Hinge without power, for its angle.
     hinge: Motor,

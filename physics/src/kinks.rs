@@ -12,7 +12,7 @@ use crate::matrix::BlockMatrix;
 use crate::residual::{Equations, Step};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-/// Maximum number of kinks on particles that are corrected.
+/// Maximum number of forces with kinks on particles. If there are more, none of them is corrected.
 const MOST: usize = 24;
 /// Relative deviation of a law from its tangent above which the correction is changed.
 const LEAST: f64 = 0.02;

@@ -142,7 +142,7 @@ impl BlockMatrix {
     /// Factorises the matrix with the given values, for later right-hand sides. Returns false if the matrix is singular.
     pub fn factorise(&mut self, values: &[f64]) -> bool {
         self.values.copy_from_slice(values);
-        // The accuracy of the factors is visible for a right side; this one contains every direction.
+        // Only a solution shows the error of the factors. A right-hand side of ones involves every unknown.
         let mut side = vec![1.0; self.solution.len()];
         self.solve(&mut side)
     }

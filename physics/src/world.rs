@@ -58,7 +58,7 @@ pub struct World {
     shapes: Range<usize>,
     /// Links with a foot or wheel, without the root link.
     foot_links: Vec<usize>,
-    /// True if the motion of the robot lies on its body.
+    /// True if the robot has contact points on its body, so that it may lie without having fallen.
     lies: bool,
     /// Force index of the hold on the root link.
     hold: usize,
@@ -243,7 +243,7 @@ impl World {
         lowest_m(self.foot_touches().chain(self.shape_touches())).unwrap_or(0.0)
     }
 
-    /// Force of the ground on link shapes, N. Nonzero only if the robot lies on the ground.
+    /// Force of the ground on link shapes, N. Nonzero if the robot lies, or if the shape of a lower limb touches the ground.
     pub fn force_on_links(&self) -> Vector3<f64> {
         self.shape_touches().map(|touch| touch.force).sum()
     }

@@ -106,7 +106,7 @@ pub type SaveLibrary = Box<dyn FnMut(&[u8]) -> bool + Send>;
 struct LibrarySaver {
     keep: SaveLibrary,
     kept: Option<LibraryMark>,
-    /// True if a library could not be saved. The host of the transfer then receives no answer.
+    /// True if a library could not be saved. From then on the controller sends nothing on its link.
     has_failed: bool,
 }
 

@@ -98,8 +98,8 @@ impl Grounded {
         Self::with(robot, ground, shoves, ReleaseCondition::WhenItPlays)
     }
 
-    /// Creates motors for a controller in another process, whose clips are not known here. The hoist releases the robot when
-    /// its motors stand.
+    /// Creates a robot for a controller in another process, whose clips are not known here. The hoist releases the robot when its
+    /// motors stand.
     pub fn of_motors(robot: &Robot, ground: &Arc<dyn Ground>, shoves: Vec<Shove>) -> Self {
         Self::with(robot, ground, shoves, ReleaseCondition::WhenItStands(StillWatch::default()))
     }

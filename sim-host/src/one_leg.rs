@@ -135,7 +135,7 @@ fn swell(up: bool) -> Vec<f32> {
     (0..=60).flat_map(frame).collect()
 }
 
-/// Library with all four motions; transitions join each of them with STAND in both directions.
+/// Library with all four motions; transitions join STAND with each of the other three in both directions.
 ///
 /// # Panics
 /// Panics if `config` has other channels than [`robot`].

@@ -37,7 +37,7 @@ impl Entry {
         (self.clip, self.frame) == (clip, frame)
     }
 
-    /// Checks a portion of a block, 64 bytes. Returns false if nothing was left to check.
+    /// Checks a portion of a block, 64 bytes. Returns false if nothing was left to check, or if `library` is another library.
     pub fn check_a_portion(&mut self, library: &Library<'_>) -> bool {
         if library.index().id() != self.library {
             return false;

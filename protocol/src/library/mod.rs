@@ -4,7 +4,7 @@
 //! ```text
 //! LibrarySpec --encode--> bytes --validate(config)--> Index --Library::open(bytes, &index)--> Library
 //!                                                                                             │
-//!                  ClipCursor: sequential frames, seek, 8 B a channel, 16 B with torques <──┘
+//!                       ClipCursor: sequential frames, seek, 16 B per possible channel <──┘
 //! ```
 //!
 //! - [`encode`] quantises, packs, computes the routes and validates its own output.

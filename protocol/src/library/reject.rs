@@ -158,7 +158,7 @@ pub enum RejectReason {
         /// Tag of the section.
         tag: u16,
     },
-    /// A section that every library has is missing.
+    /// A required section is missing. If one section of torques is present, all of them are required.
     #[error("section {tag} is missing")]
     MissingSection {
         /// Tag of the section.

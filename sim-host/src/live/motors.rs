@@ -17,8 +17,8 @@ const LOAD_PERIOD: Duration = Duration::from_millis(10);
 /// Maximum number of events that are processed at one time of the motors.
 const MOST_EVENTS: usize = 64;
 
-/// Runs the motors on `buses`, which are ordered by number, until `goes_on` returns `false`. `goes_on` is called every few
-/// milliseconds. The motors of a lost bus are silent until it is reopened. The observer receives every step of the motors.
+/// Runs the motors on `buses`, which are ordered by number, until `goes_on` returns `false`. `goes_on` is called about every 10
+/// ms. The motors of a lost bus are silent until it is reopened. The observer receives every step of the motors.
 ///
 /// # Errors
 /// Returns an error if a step of the robot's world has no solution.

@@ -1,4 +1,4 @@
-//! Hooks of a [`super::Rig`] for a monitor: every frame of the controller, and every step of the motors.
+//! Hooks of a [`super::Rig`] for a monitor: frames of host and controller, bus-off, and every step of the motors.
 
 use crate::body::Body;
 use crate::clock::SimTime;
