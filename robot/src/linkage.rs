@@ -14,7 +14,8 @@ use crate::model::{Joint, JointRatio, Linkage, Robot};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use std::f64::consts::{PI, TAU};
 
-/// Largest cosine of the angle between crank and rod for which angles are computed. Beyond it, the loop does not close.
+/// Largest cosine of the angle between the crank and the direction from its pivot to the end of the rod for which angles are
+/// computed. Above 1, the loop does not close.
 const STRAIGHT: f64 = 0.999_999;
 
 /// Smallest sine of the angles between crank and rod, and between rod and the lever of the joint: 10 degrees. A linkage is
@@ -64,7 +65,7 @@ pub struct CrankState {
 }
 
 impl CrankMap {
-    /// Map of a joint's servo. `None` if the servo's link does not carry the joint, or the crank has no length.
+    /// Map of a joint's servo. `None` if the servo's link does not carry the joint, or if crank or rod has no length.
     pub fn new(robot: &Robot, joint: &Joint, linkage: &Linkage) -> Option<Self> {
         let mut path = Vec::new();
         let mut link = joint.child;

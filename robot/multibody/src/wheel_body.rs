@@ -6,7 +6,7 @@
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_robot::Robot;
 
-/// Fraction of a link's mass that turns with its wheels. The wheels of a link share this fraction equally.
+/// Fraction of a link's mass that turns if all of its end effectors are spinning wheels. Each wheel has an equal part.
 pub const WHEEL_MASS_SHARE: f64 = 0.1;
 
 /// Rigid part of a link.

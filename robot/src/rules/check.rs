@@ -17,7 +17,7 @@ pub(crate) const LENGTH_MAX_M: f64 = 10.0;
 pub(crate) fn length_help() -> String {
     format!("give each coordinate within ±{LENGTH_MAX_M} m; divide millimetres by 1000")
 }
-/// Largest radius of a capsule, m.
+/// Largest radius of a capsule, and largest clearance margin, m.
 pub(super) const RADIUS_MAX_M: f64 = 1.0;
 /// Maximum number of items of a kind, which bounds the time of all rules. A controller has [`MAX_CHANNELS`] channels.
 pub(crate) const ITEMS_MAX: usize = 2 * MAX_CHANNELS;

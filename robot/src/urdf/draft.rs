@@ -30,7 +30,7 @@ pub(super) struct Draft {
 pub(super) struct DraftSheet {
     pub name: String,
     pub sheet: Sheet,
-    /// Text span of the end effector's table in the side file.
+    /// Span of the actuator's table in the side file; the start of the file if there is none.
     pub side: Span,
 }
 

@@ -34,8 +34,8 @@ pub(super) fn in_degrees(joints: &[Joint]) -> bool {
     2 * limited().filter(|joint| looks_like_degrees(joint)).count() > limited().count()
 }
 
-/// True if the limits of a joint look like degrees. The limits of a possibly endless joint count only if most limits of the
-/// file look like degrees.
+/// True if the limits of a joint are in degrees: they look like degrees, or most limits of the file do. Limits of a possibly
+/// endless joint count only in the second case.
 pub(super) fn has_degrees(urdf: &Urdf, joint: &Joint) -> bool {
     if looks_like_degrees(joint) {
         !joint.is_endless() || urdf.in_degrees

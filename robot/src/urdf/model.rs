@@ -90,7 +90,7 @@ pub(super) struct Joint {
     pub child: String,
     pub parent_from_joint: Isometry3<f64>,
     pub axis: Unit<Vector3<f64>>,
-    /// Joint whose position determines that of this joint (`<mimic>`), with factor and offset.
+    /// Joint whose position determines that of this joint (`<mimic>`), with the law.
     pub mimics: Option<Mimic>,
     /// Joints that the motor turns, with radians of the motor per radian; empty for a motor of this joint alone.
     pub motor_per_joint: Vec<(String, f64)>,

@@ -20,7 +20,7 @@ const LEVER_M: f64 = 0.1;
 const SATURATION_RAD: f64 = 0.1;
 /// Period of a control loop on the controller at its default rate, s.
 const CONTROL_PERIOD_S: f64 = 1.0 / 120.0;
-/// Stiffness of joints without a load, N·m/rad.
+/// Smallest default stiffness of a joint, N·m/rad.
 const KP_MIN_NM_RAD: f64 = 0.1;
 /// Ratio of armature to torque limit, s². Full torque accelerates the rotor alone by 1000 rad/s².
 const ARMATURE_PER_TORQUE: f64 = 1e-3;

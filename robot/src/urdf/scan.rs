@@ -104,7 +104,7 @@ impl<'t> Scanner<'t> {
         Some(self.at)
     }
 
-    /// Length of the name at a position.
+    /// Name at a position.
     fn name(&self, at: usize) -> Result<&'t str, Excess> {
         let rest = &self.text[at..];
         let ends =

@@ -66,7 +66,7 @@ impl Contour {
         Self { lattice: lattice.expect("finite heights, more than three") }
     }
 
-    /// Height at a point of the x-y plane, with its derivatives.
+    /// Height at a coordinate along x, with its derivatives.
     pub fn elevation(&self, x_m: f64) -> Elevation {
         let [first_m, last_m] = self.lattice.range(0);
         let within_m = x_m.clamp(first_m, last_m);

@@ -64,7 +64,7 @@ impl ElevationGrid {
         (0..rows).flat_map(move |j| (0..columns).map(move |i| [i, j]))
     }
 
-    /// Cells within a distance of a cell, with their offsets in cells.
+    /// Offsets of the cells within a distance of a cell, in cells.
     fn disc(&self, radius_m: f64) -> Vec<[isize; 2]> {
         let reach = (radius_m / self.spacing_m).floor() as isize;
         let within = |i: isize, j: isize| {
@@ -103,7 +103,8 @@ impl ElevationGrid {
         self.with(self.cells().map(at).collect())
     }
 
-    /// Returns an error unless the grid has four cells or more along each axis and one height for each cell.
+    /// Returns an error unless the grid has a finite origin, a positive spacing, four cells or more along each axis, and one
+    /// height for each cell.
     fn check(&self) -> Result<(), FieldError> {
         let Self { origin_m, spacing_m, counts, heights_m } = self;
         let (origin_m, spacing_m, found) = (*origin_m, *spacing_m, heights_m.len());

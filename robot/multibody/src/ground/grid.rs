@@ -14,7 +14,8 @@ impl Grid {
     /// Creates a solid from signed distances, m, at `origin` + `spacing_m` (i, j, k), with i varying fastest.
     ///
     /// # Errors
-    /// If an axis has fewer than four samples, a sample is not finite, or a sample in the two outermost layers is not positive.
+    /// If the spacing is not positive, an axis has fewer than four samples, the number of samples is wrong, a sample is not
+    /// finite, or a sample in the two outermost layers is not positive.
     pub fn new(
         origin: Vector3<f64>,
         spacing_m: f64,

@@ -244,7 +244,8 @@ impl HeightField {
     /// Creates a field from heights, m, at `origin_m` + `spacing_m` (i, j), with i along x varying fastest.
     ///
     /// # Errors
-    /// If an axis has fewer than four samples, or a sample is not finite.
+    /// If the spacing is not positive, an axis has fewer than four samples, the number of samples is wrong, or a sample is not
+    /// finite.
     pub fn new(
         origin_m: [f64; 2],
         spacing_m: f64,

@@ -1,4 +1,5 @@
-//! Axles of wheels: endless joints at the ends of limbs, about a horizontal axis, around which their body is round.
+//! Axles of wheels: joints at the ends of limbs, about a horizontal axis, around which their body is round. A joint with limits
+//! is an axle only if its name or that of its link says so.
 
 use super::super::bodies::{Body, Rigid, merge};
 use super::super::model::{Joint, Link, Shape, Solid, Urdf};

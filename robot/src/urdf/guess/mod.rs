@@ -1,8 +1,8 @@
-//! Guesses about a URDF from its mechanics: joints to lock, wheels, feet, heading. They go into the template of the side
-//! file, for a person to check.
+//! Guesses about a URDF from its mechanics: joints to lock, wheels, feet, heading. They go into the template of the side file,
+//! for a person to check.
 //!
-//! `axles` finds wheels among the endless joints at the ends of limbs, `soles` the contact of each other end, and `ground`
-//! the ends that reach the ground together. `heading` finds the axes that point forward and up. No guess follows from a name
+//! `axles` finds wheels among the joints at the ends of limbs, `soles` the contact of each other end, and `ground` the ends that
+//! reach the ground together. `heading` finds the axes that point forward and up. No foot, wheel or axis follows from a name
 //! alone.
 
 mod axles;

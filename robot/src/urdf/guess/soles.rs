@@ -6,7 +6,7 @@ use super::super::stance::{self, Turn};
 use super::{End, EndKind, end};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
-/// Radius of a foot without a shape, as a fraction of its limb's length.
+/// Radius of a foot without a shape, as a fraction of the length from the root to its end.
 const RADIUS_SHARE: f64 = 0.05;
 /// Distance behind the end of the limb within which shapes touch the ground together, as a fraction of the limb's length.
 const TOGETHER: f64 = 0.03;
@@ -168,7 +168,7 @@ fn pad(link: usize, pose: &Isometry3<f64>, shape: &Shape, along: &Vector3<f64>) 
             let (axis, half_m) = (axis(2), 0.5 * length_m);
             let lengthwise = axis.dot(along);
             if lengthwise < 0.3 {
-                // The wheel's axis is vertical.
+                // A cylinder across the limb stands on its rim, like a wheel.
                 (Vector3::zeros(), radius_m)
             } else {
                 let radius_m = radius_m.min(half_m);

@@ -180,7 +180,7 @@ fn ground_m(
     rigid.filter(fits).unwrap_or(own)
 }
 
-/// True if the robot stands on exactly two legs, and both bend forward.
+/// True if the robot stands on one or two legs alone, which bend forward.
 fn stands_on_two(legs: &[Leg], tips: &[Tip]) -> bool {
     let on_legs = tips.iter().all(|tip| legs.iter().any(|leg| leg.body == tip.body));
     legs.len() <= 2 && on_legs && legs.iter().all(|leg| !leg.is_radial)
