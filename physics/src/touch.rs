@@ -14,7 +14,7 @@ pub struct Touch {
     pub normal: Vector3<f64>,
     /// Force of the ground on the body, N.
     pub force: Vector3<f64>,
-    /// Normal component of the force, N.
+    /// Normal force of the spring, without damping, N. Friction depends on it.
     pub normal_n: f64,
     /// Speed of the contact point towards the ground, m/s.
     pub approach_m_s: f64,

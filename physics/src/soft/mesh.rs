@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 pub struct Mesh {
     /// Positions of the nodes at rest, m.
     pub places: Vec<Vector3<f64>>,
-    /// Node indices of each element. Seen from the first node, the other three are counter-clockwise.
+    /// Node indices of each element. Seen from the first node, the other three are clockwise.
     pub elements: Vec<[usize; 4]>,
 }
 

@@ -266,7 +266,7 @@ impl FallWatch {
         fallen.then_some(Fall { tilt_rad, height_m })
     }
 
-    /// Updates the mean part of the weight on the body since the latest check. The force of an impact counts as the weight.
+    /// Updates the mean part of the weight on the body since the latest check. An impact counts as at most the weight.
     fn weigh(&mut self, world: &World) {
         let now_s = world.system().time_s();
         let part = ((now_s - self.checked_s) / SHARE_S).clamp(0.0, 1.0);

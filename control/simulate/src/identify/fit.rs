@@ -42,8 +42,8 @@ const STEPS_HZ: f64 = 200.0;
 /// Calls `goes_on` before each rollout; `false` ends the search.
 ///
 /// # Errors
-/// Returns an error for the mass of a link with a soft foot, for a recording that is too short, if the simulated robot falls at
-/// once, or if `goes_on` returns `false`.
+/// Returns an error for the mass of a link with a soft foot, for a robot with coupled motors or passive joints, or for a
+/// recording that is too short. Also returns an error if the simulated robot falls at once, or if `goes_on` returns `false`.
 pub fn identify(
     robot: &Robot,
     recording: Recording,

@@ -39,7 +39,7 @@ impl SimulationModel {
     }
 }
 
-/// Scale factor of the bearing stiffness of other simulations.
+/// Ratio of the bearing stiffness to that of other simulations.
 const FIRMER: f64 = 30.0;
 
 /// Kind of a fitted quantity.

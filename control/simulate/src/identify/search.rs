@@ -15,8 +15,8 @@ use rollwalk_physics::sensitivity::gauss_newton::{self, Evaluation, Fit, Penalty
 const CORRELATED: f64 = 0.95;
 /// Expected change of a quantity, as a logarithm.
 const EXPECTED: f64 = 1.0;
-/// Scale factors of the friction coefficient to try if nothing slips. Sticking contacts have no derivative with respect to
-/// friction.
+/// Scale factors of the friction coefficient to try. Sticking contacts have no derivative with respect to friction, so that the
+/// Gauss–Newton method alone does not make them slip.
 const FRICTIONS: [f64; 6] = [0.75, 0.55, 0.4, 0.3, 0.2, 1.5];
 /// Scale factor of the stiffness and creep friction of contacts for additional starting points.
 const FIRMNESS: f64 = 4.0;
@@ -200,8 +200,8 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
 
     /// Starting points of the search, as all combinations of alternatives for the fitted quantities.
     ///
-    /// The alternatives are the value of the file, [`FIRMNESS`] times the stiffness and creep friction of contacts, and
-    /// commands that are half a period earlier.
+    /// The alternatives are the value of the file, [`FIRMNESS`] times the stiffness and creep friction of contacts, and commands
+    /// that are earlier by half the interval between commands.
     fn starts(&self) -> Vec<Vec<f64>> {
         let commands = self.replay.recording.drives.iter();
         let interval_s = commands.filter_map(|drive| drive.target_rad.interval_s()).next();
