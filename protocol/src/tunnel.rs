@@ -146,7 +146,7 @@ pub struct Figures {
 }
 
 impl Request {
-    /// Encodes the request for the line; `None` if it contains an invalid bus.
+    /// Encodes the request for the line; `None` if it contains an invalid bus or a 29-bit identifier.
     pub fn encode(&self, sequence: u8) -> Option<Line> {
         let mut packet = Writer::default();
         match self {
@@ -199,7 +199,7 @@ impl Request {
 }
 
 impl Answer {
-    /// Encodes the answer for the line; `None` if it does not fit.
+    /// Encodes the answer for the line; `None` if it contains a 29-bit identifier.
     pub fn encode(&self, sequence: u8) -> Option<Line> {
         let mut packet = Writer::default();
         match self {

@@ -12,13 +12,13 @@
 //! | 4 | [`JointTelemetry`], [`ActuatorReadings`] | controller | may be dropped |
 //! | 4 | [`Gyro`], [`Accelerometer`], [`Sample`] | controller | measurements for a host that closes a control loop |
 //! | 4 | [`Setpoint`] | host | streamed at 60 Hz for each channel, or the answer to a [`Sample`] |
-//! | 5 | [`transport`]: [`Request`], [`Response`] over ISO-TP | both | hello, library transfer, log |
+//! | 5 | [`transport`]: [`Request`], [`Response`] over ISO-TP | both | hello, session, library transfer, log |
 //! | 6 | [`ParameterRequest`], [`ParameterAck`] | both | gains and limits at run time |
 //! | 7 | [`Discover`], [`Discovered`] | both | |
 //!
-//! A receiver dispatches with [`ToController::decode`] or [`FromController::decode`]. Every message has `encode(node) -> Frame`
-//! and `decode(&Frame) -> Result<(Node, Self), DecodeError>`. Integers are little-endian. Layouts are normative in
-//! `docs/formats/wire-format.md`. [`SCHEMA`] is a summary of them, whose hash is part of HELLO.
+//! A receiver dispatches with [`ToController::decode`] or [`FromController::decode`]. Every message of a single frame has
+//! `encode(node) -> Frame` and `decode(&Frame) -> Result<(Node, Self), DecodeError>`. Integers are little-endian. Layouts are
+//! normative in `docs/formats/wire-format.md`. [`SCHEMA`] is a summary of them, whose hash is part of HELLO.
 
 pub mod authentication;
 mod command;

@@ -1,4 +1,4 @@
-//! Class 5: messages longer than a frame, over [ISO-TP](super::isotp): hello, library transfer, log.
+//! Class 5: messages longer than a frame, over [ISO-TP](super::isotp): hello, session, library transfer, log.
 //!
 //! # Library transfer
 //!
