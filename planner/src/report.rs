@@ -323,6 +323,9 @@ mod tests {
             "{report}"
         );
         assert_eq!(at_samples(&report, Family::TurningGoal).worst, 0.0);
+        // A motion at rest reaches its goal at its last of 41 samples.
+        let place = at_samples(&report, Family::DisplacementGoal).place.as_ref().unwrap();
+        assert_eq!(place.sample, 40);
         assert_eq!(report.worst().map(|row| row.family), Some(Family::DisplacementGoal));
     }
 

@@ -11,6 +11,7 @@ const BOUNDS: &str = "timing_bounds";
 const USUAL_BOUNDS: [f64; 2] = [0.7, 1.4];
 /// Smallest lower and largest upper bound.
 const WIDEST_BOUNDS: [f64; 2] = [0.25, 4.0];
+
 /// Times of a motion that the planner may change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

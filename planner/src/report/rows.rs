@@ -345,7 +345,7 @@ fn goals(timeline: &Timeline) -> Vec<Row> {
         .filter_map(|(family, worst)| {
             let (subject, worst): (Option<&str>, f64) = worst?;
             let place = ResidualLocation {
-                sample: timeline.plan.samples.len(),
+                sample: timeline.plan.samples.partition_point(|s| s.time_s < last.time_s),
                 time_s: last.time_s,
                 subject: subject.map(str::to_owned),
             };
