@@ -356,9 +356,9 @@ fn run_whole(
         port,
         &mut LostBuses { link: Some(bus), actuators: &[], says: true },
         |rig, entries| {
-            // Before the state, whose changes are printed with the present time.
+            // The world is printed first, because changes of the state are printed with the present time.
             world.print(rig);
-            // State and faults are those of the controller, because anyone may send a status on the link.
+            // State and faults are those of the controller, because any node may send a status on the link.
             let controller = rig.core().controller();
             printer.print(rig.now().as_s(), controller.state(), controller.faults());
             if let (Some(view), Some(ground)) = (&mut view, rig.body().ground()) {

@@ -98,7 +98,7 @@ pub fn run(only: &RowFilter) -> miette::Result<Option<Findings>> {
 }
 
 fn summary(rows: &[Row]) -> String {
-    // `both` is also the cost of a plan from scratch.
+    // `both` is added to both sides of the ratio, for example the report, which a plan from scratch needs as well.
     let with = |both: &dyn Fn(&Row) -> f64, cost: &dyn Fn(&Row) -> Option<f64>| {
         let both = rows.iter().filter_map(|row| {
             let both = both(row);

@@ -32,8 +32,8 @@ impl Script {
 
     /// Encodes the script for the memory of the board.
     ///
-    /// The first four bytes are the number of steps (`u32`, little-endian). Request and answer of each step follow in their
-    /// UART encoding.
+    /// The first four bytes are the length of the rest in bytes (`u32`, little-endian). Request and answer of each step follow in
+    /// their UART encoding.
     ///
     /// # Errors
     /// Returns an error if a step does not fit into a packet.

@@ -96,7 +96,9 @@ impl Step {
 
 #[pymethods]
 impl Simulation {
-    /// True if the robot did not fall and reached, in the mean of its periods, 95 % to 105 % of every goal.
+    /// True if the robot did not fall, touched no obstacle, and reached 95 % to 105 % of every goal in the mean of the periods
+    /// after the first one. Without goals the displacement may differ by 5 mm and 0.02 rad. The final periods are also checked
+    /// alone.
     #[getter]
     fn holds(&self) -> bool {
         self.outcome.holds()
@@ -129,7 +131,8 @@ impl Simulation {
         matrix(py, [ways.len(), 3], |cycle, of| ways[cycle][of] - planned[of])
     }
 
-    /// Ratios of achieved to planned displacement, in the mean of the periods: forward, left and turn; `None` without a goal.
+    /// Ratios of achieved to planned displacement, in the mean of the periods after the first one: forward, left and turn; `None`
+    /// without a goal.
     #[getter]
     fn ratios(&self) -> [Option<f64>; 3] {
         [0, 1, 2].map(|of| self.outcome.ratio(of))

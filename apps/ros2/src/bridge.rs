@@ -405,8 +405,8 @@ impl<'a> Bridge<'a> {
         self.operated.operator.notify(now_us, Weight::Refused, text);
     }
 
-    /// Returns the robot to SAFE and ends the node. A driven robot stops first. Without contact to the robot, the node ends at
-    /// once.
+    /// If `wanted`, returns the robot to SAFE and then ends the node. A driven robot stops first. Without contact to the robot,
+    /// the node ends at once.
     fn leave_if(&mut self, wanted: bool) {
         let now_us = self.operated.now_us();
         let operator = &mut self.operated.operator;
@@ -429,7 +429,7 @@ impl<'a> Bridge<'a> {
             return Ok(());
         }
         self.named = wanted;
-        // The catalog is of another library. Even if a look-up fails, the node must not send codes of that library to this
+        // The catalog belongs to another library. Even if a look-up fails, the node must not send codes of that library to this
         // robot.
         self.catalog = None;
         self.operated.operator.set_catalog(None);

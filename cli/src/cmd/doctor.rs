@@ -223,8 +223,8 @@ struct ControllerAnswers {
     key: LinkKeyCheck,
 }
 
-/// Requests the controller's identity, gains and log, and checks the link key. A controller with another host offers no session
-/// here, because that host may be about to begin one.
+/// Requests the controller's identity, gains and log, and checks the link key. The check begins a session, so it is left out if
+/// the controller has another host, which may be about to begin one.
 fn ask(peer: &Peer, has_host: bool, bus: &mut Interruptible) -> ControllerAnswers {
     let node = peer.node;
     let (hello, read, history) = match Session::visit(&mut *bus, node) {

@@ -53,7 +53,7 @@ fn plugin(name: &str) -> Result<String, String> {
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let ending = files::ending(&args.output, "a robot", &["urdf", "xml", "yaml"])?;
     let (robot, parts) = Source::Disk.robot_and_parts(&args.robot)?;
-    // The robot would also start in the ground of a simulator.
+    // A shape that reaches into the ground does so in a simulator as well.
     let standing = StandingReport::new(&robot);
     output::print_warnings(standing.and_then(|standing| standing.shape_in_ground()).as_slice());
     if ending != Some("xml") {

@@ -67,7 +67,8 @@ struct Joint {
 #[derive(Debug, Serialize)]
 struct PassiveJoint {
     name: String,
-    /// Torque of the spring, N·m, and angles of the joint with and without deflection. `null` if the spring is too soft.
+    /// Torque of the spring, N·m. Torque, angle and deflection are `null` if the spring is too soft to hold the links beyond the
+    /// joint.
     torque_nm: Option<f64>,
     stands_at_rad: Option<f64>,
     deflection_rad: Option<f64>,

@@ -54,7 +54,7 @@ pub struct Gains {
 }
 
 impl Gains {
-    /// Reads the gains beside a library file, `pup.gains.json` for `pup.rwl`, and checks that others can be written.
+    /// Reads the gains beside a library file, `pup.gains.json` for `pup.rwl`, and checks that the file can be written.
     ///
     /// # Errors
     /// Returns an error if the file cannot be read or written, or has another format.
@@ -66,7 +66,7 @@ impl Gains {
         Ok(Self { output, path, saved })
     }
 
-    /// Function that writes each set that a host saves. A failure is reported, and refused to the host.
+    /// Function that writes each set that a host saves. A failure is printed, and the host's request is refused.
     pub fn keeper(self) -> KeepParameters {
         Box::new(move |set| match self.output.write(text(set).as_bytes()) {
             Ok(()) => {

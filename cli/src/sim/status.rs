@@ -19,8 +19,8 @@ impl StatusPrinter {
         Self { last: None, actuators: actuators(robot) }
     }
 
-    /// Prints a status if it has changed. `at_s` is the robot's time; on the ground it is the time of the world, which may lag
-    /// behind.
+    /// Prints a status if it has changed. `at_s` is the time of the simulated robot, which may lag behind real time; for a
+    /// controller alone it is real time.
     pub fn print(&mut self, at_s: f64, state: State, faults: FaultBits) {
         if self.last.replace((state, faults)) == Some((state, faults)) {
             return;

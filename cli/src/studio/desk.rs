@@ -26,7 +26,7 @@ pub struct Desk {
 }
 
 impl Desk {
-    /// Opens files and all files that they name. Unsaved edits of them are kept in `folder`, which is in the user's state.
+    /// Opens files and all files that they name. Unsaved edits of them are kept in `folder`, which is in the user's state folder.
     ///
     /// # Errors
     /// Returns an error if a file that the user named cannot be read, or is of a kind that the studio does not open.

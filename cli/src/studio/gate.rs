@@ -1,8 +1,9 @@
 //! Access control of requests, from their head alone.
 //!
-//! A page of another site can make the user's browser send requests here. It can neither omit nor choose `Origin`. After
-//! rebinding its own name to 127.0.0.1, `Host` still contains that name. Other programs on this computer can send anything, but
-//! do not have the token. A program that can read the token from this user's memory or browser does not need the studio.
+//! A page of another site can make the user's browser send requests here. For a WebSocket the browser adds `Origin`, which the
+//! page can neither omit nor choose. After rebinding its own name to 127.0.0.1, `Host` still contains that name. Other programs
+//! on this computer can send anything, but do not have the token. A program that can read the token from this user's memory or
+//! browser does not need the studio.
 
 use super::assets::{self, Asset};
 use super::http::Head;

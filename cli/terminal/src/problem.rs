@@ -97,7 +97,7 @@ impl Problem {
         let parts = [(Some(&self.motion), Kind::Motion), (Some(&self.robot), Kind::Robot)];
         let optional = [(self.terrain.as_ref(), Kind::Terrain), (self.from.as_ref(), Kind::Plan)];
         for (file, kind) in parts.into_iter().chain(optional) {
-            // As if each text were its own file.
+            // Each text has the size limit of a separate file.
             let Some(file) = file.filter(|file| file.text.len() as u64 > kind.max_bytes()) else {
                 continue;
             };

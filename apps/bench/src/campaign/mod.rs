@@ -45,7 +45,8 @@ pub struct Subject {
     pub on_the_way: Vec<(u8, u8)>,
     /// Maximum time of the return to SAFE from any motion.
     pub way_home: SimTime,
-    /// True for a robot on the ground, false for a robot on a stand. Every other run on the ground is on a slope.
+    /// True for a robot on the ground, false for a robot on a stand. Half of the runs on the ground, chosen at random, are on a
+    /// slope.
     pub on_ground: bool,
 }
 
@@ -156,7 +157,7 @@ pub struct RunReport {
     pub fired: [u64; 2],
     /// Counts of the monitor's checks.
     pub coverage: Coverage,
-    /// Time from the host's first emergency stop to motors without torque.
+    /// Time from the first frame of the host's emergency stop to motors without torque.
     pub stopped_after: Option<SimTime>,
     /// Report on a robot on the ground.
     pub world: Option<WorldReport>,

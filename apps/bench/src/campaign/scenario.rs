@@ -57,7 +57,8 @@ pub enum Scenario {
     EStop,
     /// Library transfer during one of the disturbances of the link.
     Flash,
-    /// Several of these disturbances, one after the other or at the same time, and one host event: end, stall or emergency stop.
+    /// Several of these disturbances, one after the other or at the same time, and at most one host event: end, stall or
+    /// emergency stop.
     Chaos,
 }
 

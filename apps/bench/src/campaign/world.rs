@@ -18,7 +18,7 @@ pub struct WorldReport {
     /// Slope of the ground, rad; positive if the ground rises ahead of the robot at the start.
     pub slope_rad: f64,
     pub falls: Vec<Fall>,
-    /// Largest angle between the body's z axis and the vertical outside of the hoist, rad.
+    /// Largest angle between the body's z axis and the vertical while the hoist does not hold the robot, rad.
     pub tilt_max_rad: f64,
     /// Largest horizontal distance from the position at which torque was lost, m, until the robot was lifted or armed again.
     pub coasted_m: f64,

@@ -35,7 +35,7 @@ const STEP_S: f64 = 5e-3;
 const STEPS: usize = 200;
 /// Number of final steps in which the solid should have the height of its target pose.
 const UPRIGHT: usize = 100;
-/// Weight of the heights of the nodes in the last [`UPRIGHT`] steps.
+/// Weight of the mean square height error of the centre of mass in the last [`UPRIGHT`] steps.
 const WEIGHT: f64 = 0.5;
 /// Distance of the wall, m. The wall faces backward along y, and has twice the friction of the floor.
 const WALL_M: f64 = 0.2;

@@ -155,7 +155,7 @@ fn compare(outcome: &mut ExperimentOutcome, watch: &dyn Watch) -> Option<()> {
         if matches!(model, FrictionModel::Linear) {
             linear_s = begin.elapsed().as_secs_f64();
         }
-        // Relative to the height of a cube without depth.
+        // Difference from the reference, whose contacts have no depth.
         let above_m = slide.height_m + slide.carried_m - exact.height_m;
         let what = format!("(height of {model:?} + depth − height of SQP) / depth");
         let of_height = above_m.abs() / slide.carried_m;

@@ -72,7 +72,8 @@ pub fn run(which: &Benchmark, args: &Args) -> miette::Result<Exit> {
     }
 }
 
-/// Runs a benchmark in units. Returns an exit code if other processes still have to compute some of them.
+/// Runs a benchmark in units. Returns an exit code instead of findings if other processes still have to compute some units, or
+/// after an interrupt of a shard.
 fn in_units(split: &dyn Split, args: &Args) -> miette::Result<Result<Option<Findings>, Exit>> {
     let words = split.words();
     let units = Units { split, words };

@@ -37,11 +37,10 @@ pub struct Job<'a> {
 /// Interval at which journals are read while an engine works.
 const LOOK: Duration = Duration::from_secs(1);
 
-/// Writes the job, submits it unless `dry` is true, and monitors it until it ends. Returns true if the job ended without an
-/// interrupt.
+/// Writes the job. Unless `dry` is true or the engine is Kubernetes, submits it and monitors it until it ends. Returns false
+/// after an interrupt. A job that ends with a failure is only reported, since its finished results are kept.
 ///
-/// # Errors
-/// Returns an error if the engine is not installed or fails.
+/// # Errors Returns an error if the job cannot be written, if the engine does not start, or if a journal cannot be read.
 pub fn run(
     engine: Engine,
     job: &Job<'_>,

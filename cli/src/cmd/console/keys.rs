@@ -6,7 +6,8 @@ use rollwalk_host::operator::Intent;
 
 /// Time after a press within which the same key counts as held and is ignored, µs.
 ///
-/// Most terminals report a held key as repeated presses. Stop keys are exempt and always act.
+/// Most terminals report a held key as repeated presses. Keys for stop, disarm, return, speed, help and scrolling are exempt and
+/// always act.
 const HELD_US: u64 = 700_000;
 /// Step of the playback speed, 64ths.
 const SPEED_STEP: i8 = 8;

@@ -265,7 +265,7 @@ impl<'p> Conductor<'p> {
         }
     }
 
-    /// Sends the robot to SAFE from any phase.
+    /// Sends the robot to SAFE. If it is already returning, or the session is over, quits.
     fn end(&mut self, now_us: u64, operator: &mut Operator) {
         if !matches!(self.phase, Phase::Homeward | Phase::Over) {
             (self.phase, self.again_us) = (Phase::Homeward, now_us + AGAIN_US);

@@ -118,7 +118,7 @@ fn cells(clip: &Clip) -> [String; 13] {
     ]
 }
 
-/// Formats a value with about two significant digits, small values with an exponent.
+/// Formats a value with two decimals; with four below 1, and with an exponent below 0.001.
 fn number(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_owned(),

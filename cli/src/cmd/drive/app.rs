@@ -183,7 +183,7 @@ impl<'a> App<'a> {
             if overtime_us > END_US && self.operated.operator.leaving() == ExitStage::No {
                 self.operated.operator.request(now_us, Intent::Quit);
             }
-            // After twice this time, the drive ends.
+            // After twice `END_US`, the drive ends.
             let is_lost = now_us.saturating_sub(heard_us) > SILENT_US || overtime_us > 2 * END_US;
             if self.operated.operator.leaving() == ExitStage::Now || is_lost {
                 return self.ending(is_whole && !is_lost);

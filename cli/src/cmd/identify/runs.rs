@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 pub struct Run {
     /// Path of the recording.
     pub path: PathBuf,
-    /// Path without the folders that all runs share. Robot files contain this name and are copied to other computers.
+    /// File name, preceded by as many folders as distinguish it from the other runs. Robot files contain this name and are copied
+    /// to other computers.
     pub name: String,
     pub recording: Recording,
 }

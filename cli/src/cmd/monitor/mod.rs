@@ -224,7 +224,7 @@ fn interface(bus: &BusName) -> String {
         BusName::Sim { .. } => "sim0".into(),
         BusName::Serial { .. } => "serial0".into(),
         BusName::Slcan { .. } => "slcan0".into(),
-        // Names of devices that cannot be opened as CAN interfaces.
+        // Serial lines of actuators, which carry no link.
         BusName::Tty { .. } | BusName::Pty { .. } => "tty0".into(),
     }
 }

@@ -59,7 +59,7 @@ impl RankedPattern {
         }
     }
 
-    /// Rank of a plan: passes the simulation, consistent as played, converged. Within a rank, plans with lower costs come first.
+    /// Rank of a plan: passes the simulation, is consistent as played, exists. Within a rank, plans with lower costs come first.
     fn order(&self) -> (bool, bool, bool, f64) {
         let holds = self.simulation.as_ref().is_some_and(Verdict::holds);
         (!holds, !self.consistent, self.plan.is_none(), self.cost.unwrap_or(f64::INFINITY))

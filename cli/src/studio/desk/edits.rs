@@ -1,4 +1,4 @@
-//! Unsaved edits, kept from one start of the studio to the next. Each set of files has its own file in the user's state.
+//! Unsaved edits, kept from one start of the studio to the next. Each set of files has its own file in the user's state folder.
 
 use directories::ProjectDirs;
 use rollwalk_protocol::crc::file_digest;
@@ -41,7 +41,7 @@ pub struct StoredEdits {
     is_current: bool,
 }
 
-/// Folder in the user's state; `None` if the user has no state folder.
+/// Folder of the studio in the user's state folder; `None` if the user has no state folder.
 pub fn folder() -> Option<PathBuf> {
     let folders = ProjectDirs::from("", "", "rollwalk")?;
     Some(folders.state_dir().unwrap_or(folders.data_local_dir()).join("studio"))

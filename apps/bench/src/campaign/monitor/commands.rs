@@ -93,7 +93,7 @@ impl Commands {
 
     /// Records a command that the controller receives. Returns true if it is the first copy.
     pub fn on_received(&mut self, at: SimTime, command: Command) -> bool {
-        // A bridge may delay a command for any time. A command that the host has not sent counts as just made.
+        // A bridge may delay a command for any time. A command that the host has not sent counts as sent at this instant.
         let sent = self.sent.iter().rev().find(|sent| sent.command == command);
         let timed = sent.copied().unwrap_or(TimedCommand::at(at, command));
         let in_time = at.as_us() / 1000 <= timed.expires_ms;

@@ -34,15 +34,15 @@ use shutdown::ShutdownCheck;
 /// Rule that the controller must never break.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Rule {
-    /// Set-points and enables are not sent while torque is off.
+    /// Set-points are not sent while torque is off. Enables are sent neither then nor in the state Damped.
     NoTorqueUnlessArmed,
     /// Set-points are finite and within the limits of the robot; gains are within twice the gains of the robot.
     Limits,
     /// A set-point differs from the previous one by no more than the maximum rate allows.
     Slew,
-    /// The first set-point after torque-on is the measured pose of the joint.
+    /// The first set-point after torque-on is the measured pose of the joint, or the measured speed of the wheel.
     StartsAtPose,
-    /// Stiffness is zero in the state Damped.
+    /// Stiffness and feed-forward torque are zero in the state Damped.
     CompliantWhenDamped,
     /// Messages on an actuator bus are those of the servo profile.
     ValidFrame,
@@ -95,7 +95,7 @@ enum Torque {
     Damped,
 }
 
-/// Counts of the monitor's checks. A run without checks and violations proves nothing.
+/// Counts of the monitor's checks. A run without violations proves nothing if the monitor has checked nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Coverage {
     /// Number of set-points sent by the controller.

@@ -92,7 +92,8 @@ impl Setpoints {
         self.config.channels.iter().position(|c| (c.bus, c.id) == (bus, id))
     }
 
-    /// Checks a frame to an actuator that is not a control message. Returns true if it is a first set-point with stiffness.
+    /// Checks a frame to an actuator other than a control message. Returns true for the first set-point of a wheel, or of a joint
+    /// with stiffness.
     ///
     /// # Errors
     /// Returns the broken rule and a description if the frame breaks a rule.

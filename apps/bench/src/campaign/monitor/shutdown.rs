@@ -69,7 +69,7 @@ impl ShutdownCheck {
         }
     }
 
-    /// True if the host is lost, by a clock with the microseconds of the controller.
+    /// True if the host is lost. Times are compared in whole microseconds, as in the controller.
     fn is_silent(&self, at: SimTime) -> bool {
         let timeout_us = self.timing.host_timeout.as_us();
         self.heartbeat.is_none_or(|(_, last)| at.as_us() - last.as_us() > timeout_us)

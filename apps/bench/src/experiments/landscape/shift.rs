@@ -60,7 +60,7 @@ pub fn measure(
         let what = format!("minimum with steps of {} ms, m/s, k_n {STIFF_N_M}", 1e3 * fine.step_s);
         told(&what, &format!("{} and {}", short(at[0]), short(at[1])));
         let (mut below, mut ends) = (Vec::new(), Vec::new());
-        // Friction is as stiff as in the last case with stiff contacts.
+        // Soft contacts whose friction is as stiff as that of the stiff contacts.
         let firm =
             Throw { stick_s: Some(ball.step_s * STIFF_N_M / SOFTEST_N_M), ..with(SOFTEST_N_M) };
         for throw in [&stiff, &with(SOFTEST_N_M), &firm] {
