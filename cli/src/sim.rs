@@ -297,7 +297,7 @@ struct StoredFlash {
     gains: Option<Gains>,
 }
 
-/// Firmware with the library and the gains of its flash, and with the keys that it requires. Also returns the memory of the
+/// Returns the firmware with the keys that it requires and with the library and gains of its flash, and the memory of the
 /// library.
 fn core(
     robot: &Robot,

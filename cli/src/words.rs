@@ -1,5 +1,6 @@
-//! Help for words that users try as commands, and for missing or wrong arguments. The suggestions of clap compare only letters:
-//! `pause` for `status`, which would stop a motion.
+//! Help for words that users try as commands, and for missing or wrong arguments.
+//!
+//! clap suggests commands by spelling alone: for `status` it would suggest `pause`, which stops a motion.
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use rollwalk_terminal::kind::Kind;

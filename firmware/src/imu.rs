@@ -15,7 +15,7 @@ pub(crate) struct Imu {
     sampled: SampleContent,
 }
 
-/// Content of a sample besides its joints.
+/// Content of a sample, without its joints.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct SampleContent {
     pub gyro: Option<Gyro>,
@@ -60,7 +60,7 @@ impl Imu {
         (self.forces_m_s2, self.count) = ([0.0; 3], 0);
     }
 
-    /// Content of the latest sample besides its joints.
+    /// Content of the latest sample, without its joints.
     pub fn sampled(&self) -> SampleContent {
         self.sampled
     }

@@ -22,8 +22,8 @@ use crate::limiter::Target;
 pub const MISSED: u16 = 3;
 /// Usual age of the answer in force, samples.
 const USUALLY_LATE: u16 = 2;
-/// Age of a sample, in samples, from which on the controller ignores answers. Such an answer would act for less than one sample
-/// before the robot holds still.
+/// Minimum age of a sample, in samples, at which the controller ignores its answer. Such an answer would act for less than one
+/// sample before the robot holds still.
 const OLDEST: u8 = (MISSED + USUALLY_LATE) as u8;
 
 /// Tracking settings that a host requests.

@@ -1,4 +1,5 @@
-//! Requests to read, change and save gains and limits. Executes each request once and answers every one.
+//! Requests to read, change and save gains and limits. A repetition of a successful request gets the same answer, but is not
+//! executed again.
 
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::{
@@ -16,7 +17,7 @@ pub(crate) struct Robot<'a> {
     pub state: State,
     pub setup: &'a Setup,
     pub motion: &'a mut Motion,
-    /// Gate that every change voids: the operator who is about to arm requested that with other gains.
+    /// Gate of arming. Every change voids a pending confirmation, because the operator requested it with other gains.
     pub gate: &'a mut Gate,
 }
 

@@ -75,7 +75,7 @@ pub enum LibraryMismatch {
         at: String,
     },
     /// The name of a motion for a terrain contains no place.
-    #[error("{library}: motion `{motion}` is for a terrain (see {at})")]
+    #[error("{library}: motion `{motion}` is for a terrain (see {at}), but its name lacks a place")]
     #[diagnostic(help(
         "name it after its place, such as `{motion}@stairs`: the controller then plays it only if \
          the operator confirms that the robot stands there"

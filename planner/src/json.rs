@@ -235,7 +235,7 @@ fn describe_value(found: &str) -> String {
     }
 }
 
-/// Rewrites the type that serde expects in terms of the file.
+/// Translates serde's name of an expected type into terms of JSON.
 fn describe_type(wanted: &str) -> String {
     if let Some(count) = wanted.strip_prefix("an array of length ") {
         return format!("a list of length {count}");

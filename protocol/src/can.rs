@@ -131,7 +131,7 @@ pub const fn worst_case_bits_extended(len: u8) -> u32 {
     worst_case(54, len)
 }
 
-/// Maximum number of bits of a frame that has `around` bits subject to stuffing, besides the data.
+/// Maximum number of bits of a frame with `len` data bytes, and `around` further bits that are subject to stuffing.
 const fn worst_case(around: u32, len: u8) -> u32 {
     let stuffed = around + 8 * if len > 8 { 8 } else { len as u32 };
     stuffed + (stuffed - 1) / 4 + UNSTUFFED_BITS

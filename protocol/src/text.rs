@@ -29,7 +29,7 @@ pub struct Printable<'a>(pub &'a str);
 #[derive(Clone, Copy, Debug)]
 pub struct ShownLines<'a>(pub &'a str);
 
-/// Maximum number of characters of an [`Excerpt`], besides the ellipses for omitted text.
+/// Maximum number of characters of an [`Excerpt`], without the ellipses for omitted text.
 const EXCERPT_MAX: usize = 100;
 /// Number of characters of an [`Excerpt`] before its position.
 const EXCERPT_BEFORE: usize = 40;

@@ -24,8 +24,8 @@ pub struct Robot {
     /// Protocols and settings of actuator buses, by bus number. Buses without an entry use the Rollwalk profile.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub buses: BTreeMap<u8, Bus>,
-    /// Required distance between the shapes of two links, m. Also the required height of a shape above the ground, unless its
-    /// link has a foot or wheel.
+    /// Required distance between the shapes of two links, and required height above the ground of a shape whose link has no foot
+    /// or wheel, m.
     #[serde(default = "shape::default_margin", skip_serializing_if = "shape::is_default_margin")]
     pub clearance_margin_m: f64,
 }

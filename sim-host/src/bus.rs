@@ -214,7 +214,7 @@ impl CanBus {
         }
     }
 
-    /// Restores the acknowledgement from `now` on, so that repeated frames are delivered.
+    /// Restores the acknowledgement at `now`, so that repeated frames are delivered.
     pub fn reconnect(&mut self, now: SimTime) {
         self.disconnected = false;
         self.idle_from = self.idle_from.max(now);

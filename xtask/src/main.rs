@@ -93,7 +93,7 @@ enum Task {
         only: Option<NightlyStep>,
     },
     /// Check a change while working on it: formatting, repository rules, lints of the workspace, and tests of the changed crates.
-    /// Prints the crates whose tests are left to `cargo xtask test`.
+    /// Print the crates whose tests are left to `cargo xtask test`.
     Quick(quick::Options),
     /// Build a board's image. mps2-an386 boots in QEMU, replays the demo from its memory and plays a short motion over its
     /// UART; every frame is compared with the host's simulation. mps2-an386-slcan is measured, for `cargo xtask vcan`.
@@ -112,7 +112,7 @@ enum Task {
         #[arg(long, conflicts_with = "port")]
         demo_over_uart: bool,
     },
-    /// Build the image of a board for your own robot from its robot file. Prints the wiring of the robot's motors, the sizes of
+    /// Build the image of a board for your own robot from its robot file. Print the wiring of the robot's motors, the sizes of
     /// the image, and flashing instructions. A robot is refused if the board lacks a port that it needs.
     Image(board::ImageOptions),
     /// Print flash, RAM, stack and instruction count of the mps2-an386 image, and check that no code in it can panic.
@@ -140,15 +140,15 @@ enum Task {
     /// Measure, and write the pages of docs/measured: tables and figures of the thesis, the fault campaign, shipped motions in
     /// MuJoCo. All pages take hours; a single page takes minutes to an hour.
     Measured(measured::Options),
-    /// Write the bills of materials of the shipped programs and board images, as CycloneDX. Fails if a bill lacks a compiled
-    /// crate.
+    /// Write the bills of materials of the shipped programs and board images, as CycloneDX. A bill that lacks a compiled
+    /// crate is an error.
     Sbom {
         /// Output folder. The default is `sbom` of the target folder.
         #[arg(long, value_name = "FOLDER")]
         out: Option<std::path::PathBuf>,
     },
-    /// Compare the public items of the published crates with those of the last release. Fails on a breaking change that the
-    /// version number does not announce.
+    /// Compare the public items of the published crates with those of the last release. A breaking change that the
+    /// version number does not announce is an error.
     Semver {
         /// Compare with the given revision instead of the last release.
         #[arg(long, value_name = "REVISION")]

@@ -76,7 +76,7 @@ pub fn write(options: &Options) -> Result<(), String> {
     Ok(())
 }
 
-/// Returns the pages, from the help text of the benchmarks.
+/// Returns all pages: the benchmarks that `help` lists, the replays, and fatrop.
 fn pages(help: &str) -> Vec<Page> {
     let benchmarks = reference::descriptions(help).into_iter();
     let benchmarks =

@@ -1,6 +1,6 @@
-//! `cargo xtask quick`: the check of a change during development. Runs formatting, repository rules, lints of the whole
-//! workspace, and the tests of the changed crates. Dependent crates are linted with their tests, but running these tests is left
-//! to `cargo xtask test`; the output lists them.
+//! `cargo xtask quick`: the check of a change during development, with formatting, repository rules, lints of the whole
+//! workspace, and the tests of the changed crates. Dependent crates are linted with their tests. The output lists these tests,
+//! which only `cargo xtask test` runs.
 //!
 //! Lints need no machine code, so a change of a low-level crate does not compile all crates that depend on it. The tests of a
 //! crate are built for that crate alone, with its own selection of features; its first build therefore compiles dependencies

@@ -6,7 +6,7 @@ use rollwalk_protocol::tunnel::{Buses, Step, StepResult};
 #[derive(Default)]
 pub struct EmptyQueues {
     playing: Option<(u8, u16, f32)>,
-    /// Buses with an empty transmit queue. Only an input can fill it.
+    /// Buses with an empty transmit queue. Only an input can fill such a queue.
     silent: Buses,
 }
 

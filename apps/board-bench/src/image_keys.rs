@@ -37,7 +37,7 @@ pub fn link_key(path: &Path) -> Result<[u8; 32], String> {
     let key = key_file::parse(&text).ok_or_else(|| {
         let help = match text.contains("PUBLIC KEY") || text.contains("PRIVATE KEY") {
             true => {
-                "give a link key, and pass the public key of a pair for signing to --library-key"
+                "give a link key, and pass the public key of a signing key pair to --library-key"
             }
             false => "make a link key with `rollwalk keys new FILE`",
         };

@@ -81,7 +81,7 @@ fn what_is_no_key_says_what_it_is_and_what_would_be_right() {
     let none = files.0.path().join("none");
     for (option, path, expected) in [
         ("--link-key", &cut, "is not a link key; expected one line"),
-        ("--link-key", &public, "the public key of a pair for signing to --library-key"),
+        ("--link-key", &public, "the public key of a signing key pair to --library-key"),
         ("--link-key", &none, "make a link key with `rollwalk keys new FILE`"),
         ("--link-key", &large, "has more than 1024 bytes"),
         ("--library-key", &link, "pass this link key to --link-key"),

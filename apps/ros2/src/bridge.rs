@@ -368,7 +368,7 @@ impl<'a> Bridge<'a> {
         });
     }
 
-    /// Names of the controller's library. Names of another library would select the wrong motions.
+    /// Motion names of the controller's library; `None` if the node has no names, or those of another library.
     fn library(&self) -> Option<&Catalog> {
         let library = self.operated.operator.hello()?.library?;
         self.catalog.as_ref().filter(|catalog| catalog.library == library)

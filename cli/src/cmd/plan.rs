@@ -68,8 +68,8 @@ pub struct Args {
     /// Plan of a similar motion to start from, such as of the same motion before an edit.
     #[arg(long, value_name = "PLAN.json", conflicts_with_all = ["start", "seed"])]
     from: Option<PathBuf>,
-    /// Plan the goal with every gait that suits the robot, several duty factors, rolling wheels and the given footfalls. Prints
-    /// a table, with the motions that pass the simulation first and then by costs, and writes the best plan.
+    /// Plan the goal with every gait that suits the robot, several duty factors, rolling wheels and the given footfalls. Print
+    /// a table, with the motions that pass the simulation first and then by costs, and write the best plan.
     #[arg(long, conflicts_with_all = ["from", "dump", "method"])]
     search_gaits: bool,
     /// Optimisation method; the methods of the thesis are for comparison, and much slower.

@@ -124,7 +124,7 @@ impl Shared {
     }
 }
 
-/// Open connection. Counts from creation to drop, even if the engine panics.
+/// Open connection, counted from its creation to its drop, even if the engine panics.
 struct OpenConnection<'c>(&'c AtomicUsize);
 
 impl<'c> OpenConnection<'c> {

@@ -205,7 +205,7 @@ impl fmt::Display for MotionFailure {
             }
             Self::Unfinished => f.write_str("the run was stopped before its end"),
             Self::Astray { astray, from_period } if *from_period > 2 => {
-                write!(f, "{astray}, on average from period {from_period} on")
+                write!(f, "{astray}, averaged over period {from_period} and later")
             }
             Self::Astray { astray, .. } => write!(f, "{astray}"),
         }

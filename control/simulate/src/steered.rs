@@ -73,7 +73,7 @@ pub struct SteeredGround {
 /// Event of a steered run, for measurements of planning times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SteeredEvent {
-    /// Begin of planning, with the processing of a map.
+    /// Start of planning, before the processing of a map.
     PlanBegins,
     /// End of planning.
     PlanEnds,

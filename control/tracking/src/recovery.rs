@@ -2,10 +2,10 @@
 //!
 //! A robot recovers if its capture point, c + v √(h/g), is far from the planned one. A robot that is only slow does not recover.
 //! During recovery, end effectors on the ground stay there, those in the air land, and separate tasks bring centre of mass and
-//! body back. If the push was too strong for that, servos play the plan, whose steps may catch the robot. Recovery ends when the
-//! capture point is back, or when the robot has stood still for √(h/g). In the second case the plan is moved to the position of
-//! the robot. A robot that repeatedly has to recover right after resuming its plan stumbles. The plan moves along with a robot
-//! that is far off, so that the robot does not sprint after it.
+//! body back. If the push was too strong for these tasks, servos play the plan, whose steps may catch the robot. Recovery ends
+//! when the capture point is back, or when the robot has stood still for √(h/g). In the second case the plan is moved to the
+//! position of the robot. A robot that repeatedly has to recover right after resuming its plan stumbles. The plan moves along
+//! with a robot that is far off, so that the robot does not sprint after it.
 
 use nalgebra::{Rotation2, Vector2};
 use rollwalk_robot::GRAVITY_M_S2;

@@ -55,7 +55,7 @@ impl Drive {
         }
     }
 
-    /// Writes bytes from an address on; `None` unless they form valid values of complete registers.
+    /// Writes bytes, the first to `address`; `None` unless they form valid values of complete registers.
     fn write(&mut self, address: u8, data: &[u8]) -> Option<Vec<DriveCommand>> {
         let word = |low: u8, high: u8| magnitude(u16::from_le_bytes([low, high]), 15);
         Some(match (address, data) {

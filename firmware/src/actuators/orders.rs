@@ -21,7 +21,7 @@ pub enum GainMode {
     Damped,
 }
 
-/// Request besides set-points, as a bit of [`PendingRequests`], in order of urgency.
+/// Request other than a set-point, as a bit of [`PendingRequests`], in order of urgency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveRequest {
     Disable = 1 << 0,

@@ -16,7 +16,7 @@ const SPEED_NOISE: i8 = 2;
 /// Event of a gamepad.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
-    /// Connection of the gamepad. Inputs pressed at that time, except an emergency stop, count only after a release.
+    /// Connection of the gamepad. Inputs pressed at that time, except an emergency stop, must be released first.
     Found {
         /// Name of the device.
         name: String,
@@ -84,7 +84,7 @@ pub struct MappedGamepad {
     mapping: Mapping,
     is_there: bool,
     down: BTreeSet<Input>,
-    /// Inputs that were pressed when the gamepad connected. They have no effect before their release.
+    /// Inputs that were pressed when the gamepad connected, and are ignored until they are released.
     stale: BTreeSet<Input>,
     held: bool,
     /// Latest position of each axis.

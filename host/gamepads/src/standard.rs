@@ -81,7 +81,7 @@ impl Standard {
         events
     }
 
-    /// Handles a gamepad that the browser no longer lists. Buttons that are pressed when it returns count only after a release.
+    /// Handles a gamepad that the browser no longer lists. Buttons that are pressed when it returns must be released first.
     pub fn gone(&mut self, why: &str) -> Option<Event> {
         self.last.take().map(|_| Event::Gone(why.to_owned()))
     }

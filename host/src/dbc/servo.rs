@@ -209,7 +209,7 @@ fn status_flags(more: &[(u8, &'static str, &'static str)]) -> Vec<(u16, String, 
         .collect()
 }
 
-/// Fields of the telemetry of a channel from the second byte on, narrow or wide, with signals named after `prefix`.
+/// Fields of a channel's telemetry, narrow or wide, which begin at the second byte. `prefix` begins the names of the signals.
 pub(super) fn telemetry_of(prefix: &str, is_wide: bool) -> Vec<Signal> {
     let renamed = |signal: Signal| {
         let name = format!("{prefix}{}", signal.name);

@@ -18,7 +18,7 @@ use crate::solve::normal::row_energy;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Maximum number of requests in a diagnosis, besides one limit and one property of the robot.
+/// Maximum number of requests in a diagnosis, which also names up to one limit and one property of the robot.
 const REQUESTS: usize = 2;
 /// Violation of a family, as a fraction of the largest violation of any family, above which the diagnosis names the family even
 /// without a feasible value.

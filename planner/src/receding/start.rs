@@ -69,7 +69,7 @@ pub(super) fn path(
     (0..samples).map(next).collect()
 }
 
-/// Samples of a gait from row `phase` on, along a path of the body.
+/// Samples of a gait along a path of the body, beginning at row `phase`.
 pub(super) fn from_gait(
     problem: &Problem,
     gait: &Gait,

@@ -10,7 +10,7 @@ use crate::motion::Motion;
 const LONGER: f64 = 1.1;
 /// Distance of durations that are not worth another plan, as a fraction of the given duration.
 const CLOSE: f64 = 0.02;
-/// Maximum number of durations between the bounds, besides the given one.
+/// Maximum number of durations to try between the bounds, in addition to the given one.
 const MOST: usize = 4;
 
 /// Duration in frames, and its plan with the costs. Durations without a plan have infinite costs.

@@ -5,8 +5,8 @@ use crate::{ANGULAR, JOINTS, Kinematics, LINEAR, Tree};
 use nalgebra::Vector3;
 
 impl Kinematics {
-    /// Generalised forces τ = M ν̇ + h that produce the present acceleration ν̇ under gravity (world axes, m/s²), besides those
-    /// of springs and dampers at joints.
+    /// Generalised forces τ = M ν̇ + h that, together with springs and dampers at joints, produce the present acceleration ν̇
+    /// under gravity (world axes, m/s²).
     ///
     /// After [`Kinematics::update`], with ν̇ = 0, the result is the bias force h: Coriolis, centrifugal and gyroscopic forces,
     /// weight, and the opposite of the torques of springs and dampers. `out` has [`Tree::dofs`] entries, N and N·m.

@@ -84,7 +84,7 @@ impl Standing {
         Some(standing)
     }
 
-    /// Torque of a joint that balances ground forces and weight beyond it, besides that of its spring:
+    /// Torque that, together with the joint's spring, balances ground forces and weight beyond the joint:
     /// τ = −w · [Σ (e − o) × f + (x_c − o) × m_c g] − τ_spring.
     fn torque(&self, tree: &Tree, joint: usize) -> f64 {
         let child = tree.robot().joints[joint].child;

@@ -149,8 +149,8 @@ impl Check<'_> {
             // The comparison is false for NaN.
             if !(RATIO_MIN..=RATIO_MAX).contains(&of.ratio.abs()) {
                 let help = format!(
-                    "give radians of the motor per radian of the joint, from {RATIO_MIN} to {RATIO_MAX} \
-                     in size; leave out a joint that the motor does not turn"
+                    "give radians of the motor per radian of the joint, of magnitude {RATIO_MIN} to \
+                     {RATIO_MAX}; leave out a joint that the motor does not turn"
                 );
                 self.violated(field, format_args!("of `{name}` is {}", of.ratio), help);
             }

@@ -155,8 +155,8 @@ impl Check<'_> {
             self.violated(FIELD, "is not positive definite", help);
         } else if small + middle < large - tolerance {
             let help = format!(
-                "check units and the order xx, yy, zz, xy, xz, yz: {shown}, and no principal moment of a \
-                 body exceeds the sum of the others"
+                "{shown}, but none may exceed the sum of the others; check units and the order xx, yy, \
+                 zz, xy, xz, yz"
             );
             self.violated(FIELD, "breaks the triangle inequality", help);
         }

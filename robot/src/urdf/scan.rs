@@ -142,7 +142,8 @@ impl<'t> Scanner<'t> {
                 self.depth += 1;
                 if self.depth > DEPTH_MAX {
                     let message = format!("more than {DEPTH_MAX} elements are inside each other");
-                    let help = "check the path: a robot has a few".to_owned();
+                    let help =
+                        "check the path: elements of a robot are a few levels deep".to_owned();
                     return Err((start..at, message, help));
                 }
                 return Ok(Some(at + 1));
@@ -186,7 +187,7 @@ impl<'t> Scanner<'t> {
         self.attributes += 1;
         if self.attributes > ALL_ATTRIBUTES_MAX {
             let message = format!("the file has more than {ALL_ATTRIBUTES_MAX} attributes");
-            let help = "check the path: a robot has a few thousand".to_owned();
+            let help = "check the path: a robot has a few thousand attributes".to_owned();
             return Err((span, message, help));
         }
         if name == "xmlns" || name.starts_with("xmlns:") {

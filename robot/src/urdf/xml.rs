@@ -137,7 +137,7 @@ fn syntax_fault(notes: &mut Notes<'_>, error: &Error) {
         ),
         Error::NodesLimitReached => (
             format!("the file has more than {NODES_MAX} XML nodes"),
-            "check the path: a robot has a few thousand".to_owned(),
+            "check the path: a robot has a few thousand nodes".to_owned(),
         ),
         _ => (
             format!("this is not XML: {error}"),

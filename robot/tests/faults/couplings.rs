@@ -64,7 +64,7 @@ fn ratios_that_no_transmission_has() {
     for (coupling, problem, help) in [
         ("{ sholder = 1.0, elbow = 1.0 }", "there is no joint `sholder`", "shoulder"),
         ("{ shoulder = 0.0, elbow = 1.0 }", "`motor_per_joint` of `shoulder` is 0", "leave out"),
-        ("{ elbow = 300.0 }", "`motor_per_joint` of `elbow` is 300", "from 0.01 to 100"),
+        ("{ elbow = 300.0 }", "`motor_per_joint` of `elbow` is 300", "of magnitude 0.01 to 100"),
         ("{ shoulder = 1.0 }", "`motor_per_joint` lacks the joint itself", "add `elbow = 1.0`"),
         ("{}", "`motor_per_joint` is empty", "leave the table out"),
         ("1.5", "`motor_per_joint` must be a table", "give a table"),

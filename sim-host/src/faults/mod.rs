@@ -41,7 +41,7 @@ pub enum FaultKind {
     /// Missing acknowledgement on this bus, so that the sender repeats its frame. A serial line is cut instead: bytes sent on
     /// it are lost.
     NoAck(Interface),
-    /// Bus-off of the controller at an actuator bus, as after a short circuit. Has no effect on a serial line.
+    /// Bus-off of the controller at an actuator bus, as after a short circuit. A serial line is not affected.
     BusOff(u8),
     /// An actuator neither receives nor answers. It keeps its set-point until its own watchdog expires.
     Deaf(usize),

@@ -56,7 +56,7 @@ impl<C: Core> Rig<C> {
         self.faults.add(fault);
     }
 
-    /// Reports the state of the actuator buses to the controller, and restarts those for which it requests a restart.
+    /// Reports the states of the actuator buses to the controller, and restarts the buses whose restart the controller requests.
     pub(super) fn report_bus_states(&mut self) -> Result<(), LinkError> {
         if self.faults.all().next().is_none() {
             return Ok(());

@@ -12,7 +12,7 @@ const MAX_FLAT: usize = 16 << 20;
 pub enum Format {
     /// ELF file, unchanged.
     Elf,
-    /// Flat binary: the content of flash from its first byte on.
+    /// Flat binary: the content of flash, beginning with its first byte.
     Bin,
     /// UF2 blocks with their addresses, for the given chip family.
     Uf2(u32),

@@ -1,5 +1,5 @@
 //! Tests of images with keys. The emulated board must accept only a host with its link key, and only libraries with its owner's
-//! signature. Also reports the sizes of the real boards' images.
+//! signature. The check also reports the sizes of the real boards' images.
 
 use super::bench::{Bench, KeyFiles};
 use super::image::MPS2_AN386;

@@ -37,7 +37,7 @@ const FAILED: &str = "FAILED";
 struct ParallelStep {
     name: String,
     log: PathBuf,
-    /// Thread that waits for the process. Returns true on success, and the run time in seconds.
+    /// Thread that waits for the process, and returns true on success and the run time in seconds.
     waiter: JoinHandle<(bool, f64)>,
 }
 

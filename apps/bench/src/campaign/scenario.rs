@@ -77,7 +77,7 @@ pub enum Host {
 /// Disturbances of a run.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// Faults besides the loss.
+    /// Faults in addition to the frame loss of the run.
     pub faults: Vec<Fault>,
     /// CAN adapter of the controller on the actuator buses.
     pub adapter: Adapter,
@@ -184,7 +184,7 @@ impl Scenario {
         }
     }
 
-    /// Draws the disturbances from `start` on.
+    /// Draws the disturbances, which begin at `start` or later.
     pub fn plan(
         self,
         start: SimTime,

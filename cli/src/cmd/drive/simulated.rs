@@ -71,7 +71,8 @@ pub fn run(args: &Args, route: &Route, terrain: &Path) -> miette::Result<Exit> {
     Ok(if holds(&outcome) { Exit::Ok } else { Exit::DoesNotHold })
 }
 
-/// Returns true if the robot stayed on its feet and clear of obstacles, and if it followed a plan besides the initial one.
+/// Returns true if the robot stayed on its feet and clear of obstacles, and if it followed a plan after the initial one, unless
+/// there was no later plan.
 fn holds(outcome: &SteeredOutcome) -> bool {
     let plans = outcome.plans.len();
     let followed = plans <= 1 || outcome.rejected() + 1 < plans;

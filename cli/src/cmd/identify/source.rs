@@ -1,5 +1,5 @@
-//! Robot file as the source and destination of fitted values. Finds the drives and links that share an entry of the file, and
-//! replaces values without changing comments or order.
+//! Robot file as the source and destination of fitted values: search for drives and links that share an entry of the file, and
+//! replacement of values that keeps comments and order.
 
 use miette::miette;
 use rollwalk_robot::{Channel, Robot};

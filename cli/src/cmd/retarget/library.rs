@@ -1,4 +1,4 @@
-//! Correction of all motions of a library. Writes a folder from which the library can be built again.
+//! Corrects all motions of a library, and writes a folder from which the library can be built again.
 
 use super::{Args, CorrectedPlan, STEADIER, falls, on};
 use crate::played::ratios;

@@ -40,7 +40,7 @@ const FAREWELL: Duration = Duration::from_secs(1);
 /// Maximum length of the reason in a close frame, bytes (RFC 6455, 5.5).
 const REASON_MAX: usize = 123;
 
-/// Bus that pages may use.
+/// Relay of one bus, which serves one page of the studio at a time.
 pub struct Relay {
     bus: BusName,
     taken: Mutex<()>,

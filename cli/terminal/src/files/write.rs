@@ -46,8 +46,8 @@ impl Output {
     /// Checks that a file can be written, so that a long run does not fail at its end.
     ///
     /// # Errors
-    /// Returns an error if the path is a folder, a file that this run has read or a file that users write, if its folder does
-    /// not exist, or if the operating system refuses.
+    /// Returns an error for a folder, an input file of this run, a key file, an existing file that users write, or a path in a
+    /// missing folder. Errors of the operating system are returned, too.
     pub fn at(path: &Path) -> Result<Self, FileError> {
         let output = Self::of_source(path)?;
         match &output.place {

@@ -1,4 +1,4 @@
-//! Bus with an operator on it, in one thread. Sends and receives frames, and reopens a lost bus.
+//! Bus and operator in one thread, which sends and receives frames and reopens a lost bus.
 //!
 //! The single thread is deliberate. A program that cannot read keys or draw for a quarter of a second sends no heartbeat
 //! either; the robot then returns to SAFE by itself, or halts if it is streaming.

@@ -55,13 +55,13 @@ impl Reach {
         let speed_m_s = forward_m_s.hypot(left_m_s);
         if speed_m_s > self.speed_m_s {
             return Err(format!(
-                "{text}: {speed_m_s} m/s is beyond the robot, whose limit is {:.2} m/s: {}",
+                "{text}: {speed_m_s} m/s exceeds the robot's limit of {:.2} m/s: {}",
                 self.speed_m_s, self.derivation
             ));
         }
         if turn_rad_s.abs() > self.turn_rad_s {
             return Err(format!(
-                "{text}: {turn_rad_s} rad/s is beyond the robot, whose limit is {:.2} rad/s",
+                "{text}: {turn_rad_s} rad/s exceeds the robot's limit of {:.2} rad/s",
                 self.turn_rad_s
             ));
         }
@@ -125,10 +125,10 @@ mod tests {
             |forward_m_s, turn_rad_s| Steering { forward_m_s, left_m_s: 0.0, turn_rad_s };
         assert_eq!(reach.check("", steering(0.2, 0.4)), Ok(()));
         let error = reach.check("--steer 1:10,0,0", steering(10.0, 0.0)).unwrap_err();
-        assert!(error.starts_with("--steer 1:10,0,0: 10 m/s is beyond the robot"), "{error}");
+        assert!(error.starts_with("--steer 1:10,0,0: 10 m/s exceeds the robot's limit"), "{error}");
         assert!(error.contains("of the wheels (speed times radius)"), "{error}");
         let error = reach.check("", steering(0.0, 20.0)).unwrap_err();
-        assert!(error.contains("20 rad/s is beyond the robot"), "{error}");
+        assert!(error.contains("20 rad/s exceeds the robot's limit"), "{error}");
     }
 
     /// The origin of the body of some robots is on the ground.

@@ -8,7 +8,8 @@ use rollwalk_robot::GRAVITY_M_S2;
 const MEAN_S: f64 = 0.1;
 /// Largest mean speed of a joint or wheel at rest, rad/s: ten standard deviations of encoder noise after filtering.
 const SPEED_RAD_S: f64 = 0.05;
-/// Largest mean gyro reading at rest, and largest deviation of a sample from the mean, rad/s. Allows for bias and noise.
+/// Largest mean gyro reading at rest, and largest deviation of a sample from the mean, rad/s. The margin allows for bias and
+/// noise.
 const GYRO_RAD_S: f64 = 0.1;
 /// Largest difference between the mean specific force at rest and gravity, m/s².
 const FORCE_M_S2: f64 = 0.5;

@@ -1,8 +1,8 @@
 //! Cost of authentication and signatures on an emulated Cortex-M4F whose controller requires keys.
 //!
-//! Measures a command without, with a correct and with a wrong authenticator, and the signature check of a short and of a
-//! longer library. Writes the SysTick counts of each and the deepest stack to the emulator's console, then ends the emulator.
-//! This is a test program, so it may panic.
+//! The program measures a command without, with a correct and with a wrong authenticator, and the signature check of a short
+//! and of a longer library. It writes the SysTick counts of each and the deepest stack to the emulator's console, then ends the
+//! emulator. A test program may panic.
 #![no_std]
 #![no_main]
 

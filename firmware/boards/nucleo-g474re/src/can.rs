@@ -71,7 +71,8 @@ pub fn connect<T: Instance>(rx: Peri<'static, impl RxPin<T>>, tx: Peri<'static, 
 #[derive(Clone, Copy)]
 struct Timing {
     segment_1: u32,
-    /// Quanta after the sample point, which is at 87.5 % as in CiA 601-3. Also limits the jump of a resynchronisation.
+    /// Quanta after the sample point, which is at 87.5 % as in CiA 601-3. Their number also limits the jump of a
+    /// resynchronisation.
     segment_2: u32,
 }
 

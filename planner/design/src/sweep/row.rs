@@ -35,8 +35,8 @@ pub struct Row {
     pub file: String,
 }
 
-/// Callback for every plan, with its row and the number of earlier plans at the same point for motions of the same name. Returns
-/// the name of the file that it writes, or an empty text.
+/// Callback for every plan, with its row and the number of earlier plans at the same point for motions of the same name. The
+/// callback returns the name of the file that it writes, or an empty text.
 pub type Keep<'a> = dyn FnMut(&Row, usize, &Plan) -> String + 'a;
 
 /// Computes the rows of a chain.

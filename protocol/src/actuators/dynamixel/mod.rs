@@ -40,8 +40,8 @@ pub struct Dynamixel {
     pub watchdog_20ms: u8,
     /// Return delay of the servos ("Return Delay Time"), µs; 500 µs as delivered.
     pub return_delay_us: u32,
-    /// True to read with [`FAST_SYNC_READ`], which up to [`MAX_PARTS`] servos answer in one packet. Requires firmware 45 or
-    /// later, on an XL330 firmware 46.
+    /// True to read with [`FAST_SYNC_READ`], which up to [`MAX_PARTS`] servos answer in one packet. Fast reads
+    /// require firmware 45 or later; an XL330 requires 46.
     pub reads_fast: bool,
 }
 

@@ -21,7 +21,7 @@ const ANSWER_LENGTH: u8 = ANSWER_BYTES as u8 + 2;
 /// Number of bytes up to and including the length field.
 const BEFORE: usize = 4;
 
-/// Checksum: complement of the sum of all bytes from the address on.
+/// Checksum: complement of the sum of the address and all later bytes.
 pub fn checksum(bytes: &[u8]) -> u8 {
     !bytes.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte))
 }

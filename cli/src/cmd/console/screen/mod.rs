@@ -84,7 +84,7 @@ fn fit(text: &str, width: usize) -> String {
     if width == 0 { kept } else { format!("{kept}…") }
 }
 
-/// Shortens a name to a number of columns by reducing words to initials, from the first word on.
+/// Shortens a name to a number of columns by reducing words to initials, beginning with the first word.
 fn shorten(name: &str, width: usize) -> String {
     let mut words: Vec<String> = name.split('_').map(str::to_owned).collect();
     let last = words.len() - 1;
