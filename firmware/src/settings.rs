@@ -34,7 +34,7 @@ pub struct Settings {
     pub out_of_range_rad: f32,
     /// Largest gain at run time as a multiple of the configured one, 1 or more.
     pub max_gain_ratio: f32,
-    /// True if an IMU is required. Without one arming is refused, and stale measurements count as a lean.
+    /// True if an IMU is required. Arming then needs fresh measurements of it, and stale measurements count as a lean.
     pub imu_required: bool,
     /// Tilt beyond the motion's own at which the robot returns to SAFE, rad; infinite to disable this.
     pub lean_rad: f32,

@@ -10,7 +10,7 @@ use rollwalk_protocol::wire::authentication::{LINK_KEY_LEN, LinkKey};
 use rollwalk_sim_host::core::Core;
 use rollwalk_sim_host::rig::Rig;
 
-/// Longest wait for the start of a motion, because the previous motion may have to end first, µs.
+/// Timeout for the start of a motion, µs. The previous motion may have to end first.
 const START_TIMEOUT_US: u64 = 20_000_000;
 
 /// Motion of the library.

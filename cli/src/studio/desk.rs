@@ -1,8 +1,8 @@
 //! Files that the studio opened, and the files that they name: read at the start, written when the user saves.
 //!
-//! Nothing else is read or written. Files may be untrusted. A file that they name is opened if it is a document or plan of
-//! ours, and written only if it is in the folder of a file that the user named, or below. A file that another program has
-//! changed since is not overwritten.
+//! Nothing else is read or written. Files may be untrusted. A file that another file names is opened only if it is a document
+//! or plan of Rollwalk, and written only in the folder of a file that the user named, or below. A file that another program has
+//! changed meanwhile is not overwritten.
 
 mod edits;
 mod opening;

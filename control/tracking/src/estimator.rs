@@ -33,7 +33,8 @@ use std::fmt;
 const SPEED_RAD_S: f64 = 0.05;
 /// Standard deviation of the velocity of the material at a contact, m/s: contacts yield and creep.
 ///
-/// Larger than the actual velocity, because its errors persist over many ticks, whereas the filter assumes independent ones.
+/// This value is larger than the actual velocity, because errors of the velocity persist over many ticks, whereas the filter
+/// assumes independent errors.
 const SLIP_M_S: f64 = 0.1;
 /// Standard deviation of the velocity along a blade, m/s. So large that the measurement contains no information.
 const GLIDE_M_S: f64 = 100.0;

@@ -13,8 +13,8 @@ const FORCE_M_S2: f64 = 1000.0;
 const SPEED_RAD_S: f64 = 1000.0;
 /// Limit of the velocity of a robot, m/s.
 const VELOCITY_M_S: f64 = 50.0;
-/// Largest angle beyond a joint's range, rad, because stops yield and links bend. An encoder that has lost a turn is further
-/// off.
+/// Largest plausible angle beyond a joint's range, rad. Stops yield and links bend, whereas an encoder that has lost a turn is
+/// further off.
 const BEYOND_RAD: f64 = 0.5;
 
 /// True if all readings are finite and plausible.

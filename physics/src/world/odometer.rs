@@ -17,7 +17,8 @@ const FALLEN_HEIGHT: f64 = 0.4;
 /// Mean part of the weight on body and upper limbs above which a robot has fallen. A robot that lies on its trunk leaves at most
 /// half of its weight to its wheels. A knee or belly that touches down leaves nearly all of it to the feet.
 const FALLEN_SHARE: f64 = 0.25;
-/// Time constant of this mean, s. An impact of a knee takes some hundredths of a second and does not count, however hard.
+/// Time constant of the mean for [`FALLEN_SHARE`], s. The impact of a knee takes some hundredths of a second, so that even a
+/// hard impact is no fall.
 const SHARE_S: f64 = 0.5;
 /// Tilt from the starting attitude up to which a robot that may lie down has not fallen, rad. Motions lay the body down level.
 const LEVEL_RAD: f64 = 0.35;

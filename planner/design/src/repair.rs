@@ -160,7 +160,7 @@ impl fmt::Display for NearestDesign {
 /// Reason for which a design cannot be repaired.
 #[derive(Debug, Error)]
 pub enum RepairError<E> {
-    /// Error of the caller, because the robot is invalid at values of the parameters.
+    /// Error of the caller: the robot is invalid at values of the parameters.
     #[error(transparent)]
     Made(E),
     /// A plan cannot be differentiated.

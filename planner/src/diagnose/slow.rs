@@ -1,7 +1,7 @@
 //! Detection of motors that are too slow for the swings of the motion. A diagnosis names them after conflicting requests.
 //!
 //! The point with the least violation does not show that joints are slow: there, constraints of footfalls and reach are
-//! violated instead. A lower bound of the swing time shows it. With all joints of its leg at their speed limits, a foot has to
+//! violated instead. A lower bound of the swing time does. With all joints of its leg at their speed limits, a foot has to
 //! rise to its swing height in half the swing, and to cover its stride in the whole swing.
 
 use crate::families::Family;

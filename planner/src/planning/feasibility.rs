@@ -133,7 +133,7 @@ struct FeasibilitySearch<'a, 'p> {
     left: usize,
     /// Iterations reserved for [`Self::upwards`].
     reserved: usize,
-    /// True if a trial met the goal by posture alone: the contacts stay in place, and almost no travel remains.
+    /// True if a trial met the goal by posture alone: back in its initial posture, the robot would have hardly moved.
     taken_back: bool,
 }
 

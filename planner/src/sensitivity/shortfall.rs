@@ -1,6 +1,6 @@
 //! Shortfall of a motion on a design that cannot do it, and its derivatives with respect to the design.
 //!
-//! Such a request has no optimum with multipliers. The shortfall is the point with the least energy, with a penalty on every
+//! Such a motion has no optimum with multipliers. The shortfall is the point with the least energy, with a penalty on every
 //! constraint. The violations at that point are the deficits of the design. By the envelope theorem, the derivative of that
 //! energy with respect to a parameter p is ∂E/∂p at fixed unknowns:
 //!

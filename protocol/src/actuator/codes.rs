@@ -43,7 +43,7 @@ pub fn measured(value: f32, per_unit: f32) -> i16 {
 
 /// Largest velocity in 20-bit codes, steps.
 const MAX_WIDE_SPEED: i32 = (1 << 19) - 1;
-/// Short code of 163.84 N·m in wide steps, the least that does not fit a 16-bit code: (128 + 32) · 2⁶ steps.
+/// Short code of 163.84 N·m in wide steps, the smallest torque that does not fit a 16-bit code: (128 + 32) · 2⁶ steps.
 const LEAST_WIDE_TORQUE: u32 = 7 << 7 | 32;
 
 /// Encodes speed and torque of a measurement in 32 bits. `Ok` contains two 16-bit codes. If one of them would saturate, `Err`

@@ -10,8 +10,8 @@ use thiserror::Error;
 
 /// Error of a read from a library.
 ///
-/// The library was overwritten after validation, or the cursor belongs to another library. Also returned if a clip or frame
-/// does not exist, or if the output does not fit.
+/// The library was overwritten after validation, the cursor belongs to another library, the clip or frame does not exist, or
+/// the output is too short.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("no such frame, or the library changed after it was validated")]
 pub struct LibraryReadError;

@@ -47,7 +47,7 @@ impl Hoist {
         self.origin.z += (lift_m - clearance_m).clamp(-most_m, most_m);
     }
 
-    /// True if feet press on the ground, because the hoist is too low for the pose of the legs.
+    /// True if feet press on the ground. The hoist is then too low for the pose of the legs.
     pub fn is_loaded(&self) -> bool {
         self.is_loaded
     }

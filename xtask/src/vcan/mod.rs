@@ -83,7 +83,7 @@ pub fn run(options: &Options) -> Result<ExitCode, String> {
     Ok(ExitCode::from(code))
 }
 
-/// True if the tests run in a virtual machine, because this kernel has no vcan.
+/// True if the tests run in a virtual machine, as they do if this kernel has no vcan.
 pub fn in_virtual_machine() -> bool {
     target::decide() == Ok(Target::Guest)
 }

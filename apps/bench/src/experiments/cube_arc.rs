@@ -1,7 +1,7 @@
 //! Experiment with a cube dragged along a circular arc, by Gauss–Newton's method and by CMA-ES (thesis A.2.1, Fig. A.2).
 //!
 //! The objective has several minima, because strings become slack and the cube sticks. With its usual initial shift,
-//! Gauss–Newton's method takes long first steps and ends in a worse minimum. This experiment measures that, too.
+//! Gauss–Newton's method takes long first steps and ends in a worse minimum. This experiment also measures that run.
 
 use crate::experiments::cube_drag::{BETA, CUBE, scene, system};
 use crate::experiments::manipulation::gripper::{Gripper, rest_m};

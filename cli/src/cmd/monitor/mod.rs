@@ -39,7 +39,7 @@ const SILENCE_US: u64 = 2_000_000;
 /// receives only the controller's frames, and no other program can use the line.
 ///
 /// To find names it requests the identity of robot and library from the controller once, when no other program is transferring
-/// data. It sends no request with --library, nor with --json, which prints no names, unless --mcap needs them.
+/// data. With --library it sends no request. With --json, which prints no names, it sends a request only for --mcap.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:

@@ -26,7 +26,7 @@ pub struct Sheet {
     pub name: String,
     pub path: PathBuf,
     pub text: String,
-    /// True if the user named this file, or a file in its folder or in a folder above.
+    /// True if the user named this file, or if it is in the folder of a file that the user named, or below.
     pub is_users: bool,
 }
 

@@ -337,8 +337,8 @@ impl<'a> RowWriter<'a> {
         self.place = of_row.as_ref().map_or(0, |of_row| of_row.start);
     }
 
-    /// Converts the derivatives of a row to entries, and returns their end index. Adds the row to the pattern if that is not
-    /// known.
+    /// Converts the derivatives of a row to entries, and returns their end index. Adds the row to the pattern if the pattern
+    /// is not known yet.
     fn collect(&mut self) -> usize {
         let start = self.start;
         let mut is_direct = true;
