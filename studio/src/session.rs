@@ -49,7 +49,7 @@ struct Drag {
 pub struct Session {
     /// Most recent good plan.
     good: Option<Solution>,
-    /// Drag that began at the good plan.
+    /// Drag in progress; `None` before the first drag step and after a new good plan.
     drag: Option<Drag>,
     /// Plan that the page shows.
     shown: Option<Plan>,
@@ -307,7 +307,8 @@ impl Session {
         near.and_then(Result::ok).filter(is_found).unwrap_or(solution)
     }
 
-    /// Returns the drag with `iterations` per step. A new drag begins at the good plan; returns `None` if there is none.
+    /// Returns the drag with `iterations` per step. A new drag begins at the last step of the previous one, or else at the good
+    /// plan; returns `None` if there is neither.
     fn drag(&mut self, iterations: usize) -> Option<&mut Editing> {
         if self.drag.as_ref().is_none_or(|drag| drag.iterations != iterations) {
             let settings = Settings { iterations, ..Settings::default() };
@@ -328,7 +329,7 @@ fn amend(
     edit: &Edit,
 ) -> Result<RequestResult, Answer> {
     let found = documents.find(path).ok_or_else(|| documents::missing("document", path, ""))?;
-    // During a drag of a number, which has neither, every step passes here.
+    // Parsed only if needed. Every step of a drag of a number passes here, and such an edit needs neither robot nor motion.
     let before = LazyCell::new(|| documents.project(motion));
     let known = || match &*before {
         Ok(Project { robot, motion, .. }) => Ok(ValidDocuments { robot, motion }),

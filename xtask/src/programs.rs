@@ -42,7 +42,7 @@ pub fn beside_each_other(programs: &[&Program]) -> Result<(), String> {
 /// Runs modules of the end-to-end tests, without the tests that [`in_real_time`] runs.
 ///
 /// # Errors
-/// Returns the complete output of the failed programs.
+/// Returns the command line of the first module with a failed test; the output of its tests is on the terminal.
 pub fn modules(programs: &[&Program], modules: &[String]) -> Result<(), String> {
     for program in programs.iter().filter(|program| program.name == END_TO_END) {
         for module in modules {

@@ -1,10 +1,10 @@
-//! `cargo xtask quick`: the check of a change during development, with formatting, repository rules, lints of the whole
-//! workspace, and the tests of the changed crates. Dependent crates are linted with their tests. The output lists these tests,
-//! which only `cargo xtask test` runs.
+//! `cargo xtask quick`: the check of a change during development, with formatting, repository rules, lints of the workspace, and
+//! the tests of the changed crates. Dependent crates are linted with their tests. The output lists these tests, which only
+//! `cargo xtask test` runs. The ROS 2 node and the Python package are linted only if they have changed.
 //!
-//! Lints need no machine code, so a change of a low-level crate does not compile all crates that depend on it. The tests of a
-//! crate are built for that crate alone, with its own selection of features; its first build therefore compiles dependencies
-//! once more.
+//! Lints need no machine code, so a change of a low-level crate does not compile all crates that depend on it. The tests are
+//! built for the changed crates alone, with the features that these select; a first build therefore compiles dependencies once
+//! more.
 
 use crate::steps::{Run, test};
 use crate::workspace::{self, Program};

@@ -60,7 +60,7 @@ pub fn succeeds(command: &mut Command) -> bool {
 /// Runs a command silently and returns its output as text.
 ///
 /// # Errors
-/// Returns the command line and the error output if the command does not exit with 0.
+/// Returns the command line and the complete output if the command does not exit with 0.
 pub fn output(command: &mut Command) -> Result<String, String> {
     bytes(command).map(|out| String::from_utf8_lossy(&out).into_owned())
 }

@@ -127,7 +127,7 @@ pub fn lint() -> Result<(), String> {
     ])?)
 }
 
-/// Builds the tests of some packages, each with its own selection of features.
+/// Builds the tests of some packages, with the features that these packages select instead of those of the workspace.
 ///
 /// # Errors
 /// Returns the command line if the build fails; the compiler's messages are printed on the terminal.

@@ -92,7 +92,7 @@ impl Kind {
         if beginning.is_some_and(|start| ["<?xml", "<robo", "<mujo"].contains(&start)) {
             return Some(Self::Urdf);
         }
-        // A document may quote files.
+        // Prose, such as a README, may quote files. The first statement must therefore be one of TOML.
         let mut statements = text.lines().map(str::trim).filter(|line| !line.is_empty());
         let first = statements.find(|line| !line.starts_with('#')).unwrap_or_default();
         let is_header = first.starts_with('[') && first.ends_with(']');
@@ -106,7 +106,7 @@ impl Kind {
             ("[[parameter]]", Self::Design),
         ];
         let marks = marks.into_iter().chain([("[footfalls]", Self::Motion)]);
-        // Tables that only side files have. Robot files without a link have other mistakes.
+        // Tables that only side files have. A robot file without links still has joints, limbs or templates.
         let is_side = ["[lock]", "[joint]", "[joint."].into_iter().any(has)
             || has("[[end_effector]]")
                 && !["[[joint]]", "[[limb]]", "[template"].into_iter().any(has);
@@ -170,7 +170,7 @@ impl Kind {
             | Self::Sweep
             | Self::Side => 1 << 20,
             Self::Gamepad | Self::Names | Self::Gains => 1 << 20,
-            // A file of `--rotate` lasts about ten minutes.
+            // Slightly more than the default size of a file of `--rotate`.
             Self::WorldLog | Self::Run => 256 << 20,
             // 250,000 heights.
             Self::Terrain => 8 << 20,

@@ -3,8 +3,8 @@
 /// Maximum number of wrong letters in a name that is still a typing error.
 const SLIPS_MAX: usize = 2;
 
-/// Number of wrong letters in `given` if it is probably a misspelling of `known`. A short name has at most one wrong letter in
-/// three.
+/// Number of wrong letters in `given` if it is probably a misspelling of `known`. In a short name fewer than half of the letters
+/// may be wrong.
 pub fn slips(given: &str, known: &str) -> Option<usize> {
     let slips = strsim::damerau_levenshtein(given, known);
     (slips <= SLIPS_MAX && 2 * slips < given.chars().count()).then_some(slips)

@@ -255,7 +255,7 @@ impl Connection {
         if in_use.is_some() && in_use != self.looked_up {
             self.looked_up = in_use;
             let found = in_use.and_then(self.names.find);
-            // Messages of the page come first.
+            // The last entry takes precedence, so names that the page has sent stay in force.
             let found = found.map(|found| found.with_actuators(self.actuators.clone()));
             self.catalogs.splice(0..0, found);
         }

@@ -24,7 +24,7 @@ const SHIPPED: [&str; 4] = [
 const DOCUMENTS: [&str; 4] = ["README.md", "CHANGELOG.md", "LICENSE-APACHE", "LICENSE-MIT"];
 const RULES: &str = "apps/packaging/udev/70-rollwalk.rules";
 
-/// Writes the tree into an empty `stage`.
+/// Writes the tree into `stage`, whose earlier files are removed.
 ///
 /// # Errors
 /// Returns an error if a file cannot be written, or if a program does not run on this machine.

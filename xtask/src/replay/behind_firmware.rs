@@ -79,8 +79,8 @@ fn one(replay: &Replay, folder: &Path, path: &Path) -> Result<Value, String> {
     Ok(result)
 }
 
-/// Plays a library behind firmware and bus, then the commands of its drives in MuJoCo. Returns the displacement of the motion
-/// in both.
+/// Plays a library behind firmware and bus, then the commands of its drives in MuJoCo. Returns the displacement of the motion in
+/// the plan and in both, its goals, and the time of a fall.
 pub fn in_both_worlds(
     replay: &Replay,
     library: &Path,

@@ -39,7 +39,7 @@ pub enum Table {
     Shipped,
     /// Controllers in closed loop and open loop, in worlds that differ from the plan, and under pushes.
     Tracked,
-    /// Motions of robots with softer servos, with original and retargeted plans.
+    /// Motions of robots without planned torques, most with softer servos, with original and retargeted plans.
     Retargeted,
     /// Robots identified from runs in MuJoCo, and predictions of other runs.
     Identified,

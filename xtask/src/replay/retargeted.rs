@@ -1,6 +1,6 @@
-//! Comparison of retargeted motions in two simulators (docs/measured/retargeted.md). Each case is a library of a standing
-//! motion and another motion, for a robot with softer servos and without planned torques, with original and with retargeted
-//! plans.
+//! Comparison of retargeted motions in two simulators (docs/measured/retargeted.md). Each case is a library of a standing motion
+//! and another motion, for a robot without planned torques and in most cases with softer servos, with original and with
+//! retargeted plans.
 
 use super::Replay;
 use super::behind_firmware::{STAND, in_both_worlds, library_file, reason, stand, steps, write};
@@ -15,7 +15,7 @@ use std::time::Instant;
 /// File with the results, in the output folder.
 pub const RESULTS: &str = "retargeted.json";
 
-/// Motions, each with the stiffness of the servos as a fraction of the original.
+/// Motions, each with the stiffness of the servos as a fraction of the original; 1 leaves out only the planned torques.
 const CASES: [(&str, f64); 9] = [
     ("walk", 0.2),
     ("trot", 0.2),

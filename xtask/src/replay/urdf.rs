@@ -21,7 +21,7 @@ const GRAVITY_M_S2: f64 = 9.80665;
 /// Imports the robot, plans its motions and replays them; returns the path of the results.
 ///
 /// # Errors
-/// Returns an error if the import fails, or if no plan of a motion is written.
+/// Returns an error if the import or the replay fails, if the robot does not stand, or if no plan of a motion is written.
 pub fn replayed(replay: &Replay, urdf: &Path) -> Result<PathBuf, String> {
     let PlannedRobot { stem, robot, plans } = planned(replay, urdf)?;
     let json = format!("{stem}/results.json");
@@ -45,7 +45,7 @@ pub struct PlannedRobot {
 /// Imports the robot and plans its motions.
 ///
 /// # Errors
-/// Returns an error if the import fails, or if no plan of a motion is written.
+/// Returns an error if the import fails, if the robot does not stand, or if no plan of a motion is written.
 pub fn planned(replay: &Replay, urdf: &Path) -> Result<PlannedRobot, String> {
     let run = |args: &[&str]| shell::output(&mut replay.rollwalk(args));
     let stem = urdf.file_stem().unwrap_or_default().to_string_lossy().into_owned();

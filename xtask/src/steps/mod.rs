@@ -62,8 +62,9 @@ pub trait Step: ValueEnum + 'static {
     }
 }
 
-/// Runs all steps of a command, or `only` one, in full or `brief`. If a step fails, the steps that need it are skipped; all
-/// others run. A command of hours ([`Step::IS_RESUMED`]) continues with the steps that have not passed at this commit.
+/// Runs all steps of a command, or `only` one. A step with a brief form runs in it if `brief` is true, or if all steps run and no
+/// file that it checks has changed. If a step fails, the steps that need it are skipped; all others run. A command of hours
+/// ([`Step::IS_RESUMED`]) continues with the steps that have not passed at this commit.
 ///
 /// # Errors
 /// Returns the failed steps, with the commands that run them alone.

@@ -60,13 +60,13 @@ pub enum NightlyStep {
     Explore,
     /// Shipped motions replayed in MuJoCo, with and without feed-forward, level and disturbed.
     Replay,
-    /// Verdicts of the planner compared with MuJoCo, on 186 requests of imported and shipped robots.
+    /// Verdicts of the planner compared with MuJoCo, on requests for imported and shipped robots and on the shipped motions.
     Agreement,
     /// Tests that take minutes, which `cargo xtask test` leaves out.
     Long,
     /// WebAssembly engine of the studio compared with the native one; the page in real browsers.
     Studio,
-    /// Installed Python package: its tests and its tutorial.
+    /// Installed Python package: its tests, its tutorial and its type stubs.
     Wheel,
     /// Random faults and their combinations: a thousand runs on the ground, and a thousand of each kind on a stand.
     FaultCampaign,

@@ -1,4 +1,5 @@
-//! Check of the links between documents: each leads to a file of the checkout and, behind `#`, to one of its headings.
+//! Check of the links between documents: each leads to a file of the checkout and, behind `#`, to one of its headings, and
+//! follows its text (`[text](path)`).
 
 use crate::checkout::TextFile;
 use crate::markdown::{Page, target};

@@ -1,8 +1,8 @@
 //! Check of the crate map in `ARCHITECTURE.md` against the manifests, and against the existing folders.
 //!
 //! A row of the map is `` | `folder/` | `crate` | dependencies | … ``. Rows are in the order of the data flow: a crate depends
-//! only on crates above it. The third cell lists the dependencies in its own manifest, without the common prefix of their
-//! names.
+//! only on crates above it. The third cell lists the dependencies in the crate's manifest, except those of its tests, and without
+//! the common prefix of their names.
 
 use crate::checkout::TextFile;
 use serde_json::Value;
@@ -57,7 +57,8 @@ pub fn violations(files: &[TextFile], metadata: &str) -> Result<Vec<String>, Str
     Ok(found)
 }
 
-/// Compares the dependencies of a crate with its row, and with the rows above it. Test dependencies must only be above.
+/// Compares the dependencies of a crate with its row, and with the rows above it. Dependencies of tests are not in the row, but
+/// must also be above.
 fn arrows(row: &Row, above: &[Row], package: &Value, ours: &BTreeMap<&str, &Value>) -> Vec<String> {
     let all = package["dependencies"].as_array().into_iter().flatten();
     let all = all.filter_map(|on| Some((on["name"].as_str()?, on["kind"] == "dev")));

@@ -7,7 +7,7 @@ use crate::measured;
 const ALL: usize = 49_800;
 /// Maximum number of words in one page, without code.
 const PAGE: usize = 5_000;
-/// Groups of pages, each with a lower limit for the words of the whole group, including code.
+/// Groups of pages, each with the maximum number of words of the whole group, including code.
 const GROUPS: [(&[&str], usize); 3] = [
     (&["README.md"], 1_800),
     (&["CONTRIBUTING.md", "ARCHITECTURE.md"], 2_500),

@@ -44,7 +44,8 @@ impl Guest {
     /// Gets the kernel and packs the initial file system.
     ///
     /// # Errors
-    /// Returns the packer's error. If a program is missing, the error contains the command that installs it.
+    /// Returns the error of the package manager or of the packer. If a program is missing, the error contains the command that
+    /// installs it.
     pub fn prepare() -> Result<Self, String> {
         debian::need(&PACKAGES).map_err(|install| {
             format!(

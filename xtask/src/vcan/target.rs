@@ -11,7 +11,7 @@ pub enum Target {
     Guest,
 }
 
-/// Chooses the machine, and creates the interfaces on this one if its kernel supports them.
+/// Chooses the machine, and creates the interfaces on this one if its kernel supports them and the user may create them.
 ///
 /// # Errors
 /// Returns an error if another kind of interface has the name of a CAN interface.

@@ -125,7 +125,7 @@ pub fn encoded(u: &mut Unstructured<'_>) -> Result<(RobotConfig, Option<Vec<u8>>
             blend(&config, frame(from, exit), frame(to, entry)),
         ));
     }
-    // Torques join if values do.
+    // Torques are a function of the values, so they join wherever values do.
     let with_torques: bool = u.arbitrary()?;
     let torques = |values: &[f32]| -> Vec<f32> {
         let count = if with_torques { values.len() } else { 0 };
