@@ -11,7 +11,7 @@ use crate::limiter::Target;
 /// Peak speed of the quintic on a unit interval, s'(1/2) = 30/16.
 const PEAK_SPEED: f32 = 1.875;
 
-/// Shortest ramp, s. Applies also to a robot that already stands in SAFE.
+/// Shortest ramp, s, also for a robot that already stands in SAFE.
 const MIN_DURATION_S: f32 = 0.25;
 
 /// Values of a channel at the beginning and the end of a ramp.

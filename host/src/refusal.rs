@@ -86,8 +86,9 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
     }
 }
 
-/// Reason as in [`command_refusal`]. Includes the controller's state after the command, and the fault that it reported with its
-/// answer, if known. With a catalog, the fault is described in the terms of the robot's bus, and its channel has a name.
+/// Reason as in [`command_refusal`], with the controller's state after the command, and with the fault that the controller
+/// reported beside its answer, if known. With a catalog, the fault is described in the terms of the robot's bus, and its channel
+/// has a name.
 pub fn command_refusal_in(
     result: CommandResult,
     state: Option<State>,

@@ -98,7 +98,7 @@ pub struct Displacement {
 /// robot that flies and nearly falls (flying_trot) converges with neither order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Scheme {
-    /// Backward Euler: first order. Damps impacts and spin strongly.
+    /// Backward Euler: first order, with strong damping of impacts and spin.
     #[default]
     Bdf1,
     /// Two-step backward differentiation: second order, with much less damping.

@@ -52,7 +52,7 @@ pub struct Grounded {
     steps: Periodic,
     hoist: Option<Hoist>,
     lets_go: ReleaseCondition,
-    /// Time since which the hoist is to release the robot; `None` if it is not.
+    /// Time at which the release by the hoist became due; `None` if no release is due.
     release_since: Option<SimTime>,
     fall_watch: FallWatch,
     /// Rotation from world axes to the axes in which travel is measured.

@@ -75,7 +75,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Task {
     /// Check everything that a change must pass: formatting, repository rules, lints, docs, the bare-metal build and all tests.
-    /// Continues after a failure. Steps that run other programs use their brief form unless the change touches files that they
+    /// Continue after a failure. Steps that run other programs use their brief form unless the change touches files that they
     /// check. The final table lists the seconds of every step, the failures, and the checks left to `cargo xtask nightly`.
     Test {
         /// Run only the given step, with all of its checks.
@@ -85,7 +85,7 @@ enum Task {
         #[arg(long, hide = true, requires = "only")]
         brief: bool,
     },
-    /// Run the long forms of the tests, which take hours. Continues after a failure and prints the seconds of every step. The
+    /// Run the long forms of the tests, which take hours. Continue after a failure, and print the seconds of every step. The
     /// next run at the same commit repeats only the steps that have not passed.
     Nightly {
         /// Run only the given step, even if it has passed at this commit.

@@ -54,8 +54,8 @@ impl PlannedDisplacement {
         (one.values()[of] - other.values()[of]).abs() / self.allowed(of)
     }
 
-    /// Largest ratio of the deviation from the plan to the allowed deviation. Covers the goals, or all components if the motion
-    /// has no goals.
+    /// Largest ratio of the deviation from the plan to the allowed deviation, among the goals, or among all components if the
+    /// motion has no goals.
     pub(crate) fn miss(&self, achieved: &NetDisplacement) -> f64 {
         let judged = |of: &usize| self.goals[*of] || !self.goals.contains(&true);
         let parts = (0..3).filter(judged).map(|of| self.part(achieved, &self.way, of));

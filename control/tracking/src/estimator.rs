@@ -38,7 +38,7 @@ const SPEED_RAD_S: f64 = 0.05;
 const SLIP_M_S: f64 = 0.1;
 /// Standard deviation of the velocity along a blade, m/s. So large that the measurement contains no information.
 const GLIDE_M_S: f64 = 100.0;
-/// Time constant with which the base height follows the contacts, s. Prevents a jump at touch-down.
+/// Time constant with which the base height follows the contacts, s. The lag prevents a jump at touch-down.
 const HEIGHT_S: f64 = 0.04;
 /// Longest time without an IMU or with bad readings, s.
 const WITHOUT_IMU_S: f64 = 0.05;

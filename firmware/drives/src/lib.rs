@@ -191,8 +191,8 @@ pub trait Electronics {
         None
     }
 
-    /// Value of the set-point in a frame for this drive, rad, or rad/s for a wheel; `None` for any other frame. Has no side
-    /// effects.
+    /// Value of the set-point in a frame for this drive, rad, or rad/s for a wheel; `None` for any other frame. The call has no
+    /// side effects.
     fn commanded(&self, frame: &Frame) -> Option<f32> {
         let _ = frame;
         None

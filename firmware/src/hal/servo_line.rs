@@ -1,5 +1,5 @@
-//! Half-duplex line of serial servos. Feeds packets to the transmitter byte by byte, and removes their echo from the received
-//! bytes.
+//! Half-duplex line of serial servos, which feeds packets to the transmitter byte by byte, and removes their echo from the
+//! received bytes.
 //!
 //! While the line [is free](ServoLine::is_free), the board sends the packets of [`crate::Controller::poll_serial`]. It passes
 //! the bytes of [`ServoLine::next_byte`] to its transmitter. It passes received bytes through [`ServoLine::receive`] to

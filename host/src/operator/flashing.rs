@@ -119,7 +119,7 @@ impl Operator {
         }
     }
 
-    /// Compares the library that the controller has after a transfer with the transferred one.
+    /// Checks that the controller uses the transferred library. `found` identifies its library.
     pub(super) fn check_flashed(&mut self, now_us: u64, found: Option<u32>) {
         let Some(sent) = self.awaited.take() else { return };
         let (weight, text) = if found == Some(sent) {

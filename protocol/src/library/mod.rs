@@ -81,7 +81,7 @@ pub const MAX_MOTIONS: usize = 32;
 pub const MAX_TRANSITIONS: usize = 96;
 /// Maximum number of clips of a library. Motions come first, then transitions.
 pub const MAX_CLIPS: usize = MAX_MOTIONS + MAX_TRANSITIONS;
-/// Maximum length of a clip, frames: one minute. Fits in the 12 bits of a status message.
+/// Maximum length of a clip, frames: one minute, which fits in the 12 bits of a status message.
 pub const MAX_CLIP_FRAMES: u16 = 3600;
 /// Number of frames from one keyframe to the next. Decoding can start at a keyframe.
 pub const BLOCK_FRAMES: u16 = 60;

@@ -67,7 +67,7 @@ impl CompositeInertia {
         }
     }
 
-    /// Inertia about a joint's axis of all links that the joint carries, kg·m². Includes armature if the tree has it.
+    /// Inertia about a joint's axis of all links that the joint carries, with armature if the tree has it, kg·m².
     pub fn joint_inertia(&self, tree: &Tree, frames: &Frames, joint: usize) -> f64 {
         let screw = screw(tree, frames, joint);
         let momentum = self.links[tree.robot().joints[joint].child].momentum(&screw);

@@ -133,7 +133,7 @@ impl<'a> Conversion<'a, '_> {
         })
     }
 
-    /// Spring and damper of a joint. Notes and drops a damping that no robot of this mass has.
+    /// Returns spring and damper of a joint. Drops a damping that no robot of this mass has, with a warning.
     fn spring(&mut self, joint: &Joint, mass_kg: f64) -> Option<JointSpring> {
         let mut spring = joint.spring?;
         let most = MotorMaxima::of(mass_kg).kd_nm_s_rad;

@@ -20,7 +20,7 @@ pub(super) fn allowed(written: &str) -> String {
 }
 
 impl Names {
-    /// Allowed name for `written`. Warns of a change.
+    /// Returns an allowed name for `written`, and warns of a change.
     pub fn give(
         &mut self,
         kind: &str,

@@ -20,7 +20,8 @@ const PLACEHOLDER_M: f64 = 0.005;
 const SHAPES_MAX: usize = 16;
 /// Distance around a foot or wheel within which a shape is part of it, as a fraction of its radius.
 const PART_OF_TIP: f64 = 0.1;
-/// Distance above the bottom of a foot or wheel within which a shape touches the ground with it, as a fraction of its radius.
+/// Distance above the bottom of a foot or wheel within which a shape touches the ground, too, as a fraction of the
+/// foot's or wheel's radius.
 const GROUND_SHARE: f64 = 0.1;
 /// Depth of the top of a shape below the body's joint, as a fraction of the depth of the ground, above which the shape is the
 /// sole of its foot.

@@ -95,8 +95,8 @@ pub fn run(
     }
 }
 
-/// Step of `cargo xtask test`. Checks that the image of the emulated board is within its limits and free of panics, and replays
-/// the demo. Unless brief, also plays a short motion over the UART.
+/// Step of `cargo xtask test`, which checks that the image of the emulated board is within its limits and free of panics, and
+/// replays the demo. Unless brief, the step also plays a short motion over the UART.
 ///
 /// # Errors
 /// Returns the first failure.

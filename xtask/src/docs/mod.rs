@@ -18,7 +18,7 @@ const MDBOOK: (&str, &str) = ("mdbook", "0.5.4");
 /// Options of the command.
 #[derive(clap::Args)]
 pub struct Options {
-    /// Add pages generated from the code: help texts of all commands, and rustdoc, with links to it. Builds the workspace.
+    /// Add pages generated from the code: help texts of all commands, and rustdoc, with links to it. This builds the workspace.
     #[arg(long)]
     pub reference: bool,
 }

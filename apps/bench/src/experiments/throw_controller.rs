@@ -40,7 +40,7 @@ const BEGIN_M_S: [f64; 3] = [2.0, 0.0, -1.0];
 /// Simulated throw.
 struct Throw {
     rollout: Rollout,
-    /// Steps between the first and the second bounce after which the ball falls.
+    /// Steps between the first and the second bounce in which the ball moves downwards.
     falling: Vec<usize>,
 }
 

@@ -20,8 +20,8 @@ pub struct Reach {
 }
 
 impl Reach {
-    /// Returns the bounds of a robot that drives or walks in the gait of a plan. Returns `None` if the robot has wheels without
-    /// motors or skates, which roll freely, or if a wheel lies flat in the nominal pose.
+    /// Returns the bounds of a robot that drives or walks in the gait of a plan. Returns `None` if the robot has skates or
+    /// wheels without motors, or if a wheel lies flat in the nominal pose.
     pub fn new(robot: &Robot, gait: Option<&Plan>) -> Option<Self> {
         if robot.end_effectors.iter().any(|end| end.contact.drag().is_some()) {
             return None;

@@ -71,7 +71,7 @@ pub fn brown_out_level() -> u8 {
     pac::FLASH.optr().read().bor_lev()
 }
 
-/// Cause of the most recent reset (RCC_CSR). Clears it, so that the next reset reports its own cause.
+/// Returns the cause of the most recent reset (RCC_CSR), and clears the record, so that the next reset reports its own cause.
 pub fn take_reset_cause() -> Reset {
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|w| w.set_rmvf(true));

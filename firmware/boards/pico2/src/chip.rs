@@ -143,7 +143,7 @@ pub fn output<const PIN: usize>() {
     embassy_rp::pac::SIO.gpio_oe(0).value_set().write_value(1 << PIN);
 }
 
-/// Cause of the most recent reset. Clears the watchdog's record, so that the next reset reports its own cause.
+/// Returns the cause of the most recent reset, and clears the watchdog's record, so that the next reset reports its own cause.
 pub fn take_reset_cause() -> Reset {
     let chip = POWMAN.chip_reset().read();
     if watchdog::take_expired() {
