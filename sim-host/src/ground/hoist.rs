@@ -17,7 +17,7 @@ const LONGEST_S: f64 = 3.0;
 /// Largest change of a joint's target that counts as no change, rad.
 const SAME_RAD: f64 = 1e-4;
 
-/// Position of the hoist. It holds the origin of the body at a point, m, with a heading about the vertical, rad.
+/// Hoist, which holds the origin of the body at a point, m, with a heading about the vertical, rad.
 #[derive(Clone, Copy, Debug)]
 pub struct Hoist {
     origin: Vector3<f64>,

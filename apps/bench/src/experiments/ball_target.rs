@@ -5,7 +5,7 @@
 //! after 0.7 ms. Within a step of 1 ms the node comes to rest, and the rebound of the ball depends on when within a step its
 //! nodes touch. The final position then varies within 0.01 m/s of velocity by more than its mean slope (`landscape` measures
 //! this). Its derivative agrees with finite differences, but is useless: L-BFGS ends in the next valley. This experiment
-//! measures that, too.
+//! also measures L-BFGS with steps of 1 ms.
 
 use crate::experiments::outcome::short;
 use crate::experiments::throwing::{FREEDOMS, Throw, from_target};

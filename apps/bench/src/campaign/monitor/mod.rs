@@ -48,7 +48,7 @@ pub enum Rule {
     ValidFrame,
     /// Motor torque is zero after the time allowed for switching it off.
     StopsInTime,
-    /// A robot without heartbeats returns to SAFE. It ends without torque in time after the previous heartbeat or a fault.
+    /// A robot without heartbeats returns to SAFE. Its torque is off within the allowed time after the last heartbeat or a fault.
     ReturnsInTime,
     /// STATUS never reports a state that its fault bits forbid.
     StateFitsFaults,
