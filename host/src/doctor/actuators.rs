@@ -252,7 +252,7 @@ impl Observations<'_> {
             }
         };
         let help = "check the data wire, its pull-up, the servo supply and the return delay; after \
-                    0.1 s without any answer the controller lets the robot down";
+                    0.1 s without any answer the robot sinks damped";
         // A degraded robot still works, so this is a note.
         Some(finding(Gravity::Note, what, help.into()))
     }

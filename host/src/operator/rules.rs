@@ -199,7 +199,8 @@ impl Operator {
             return Ok(Some(PlaceCode::named(place)));
         }
         let why = format!(
-            "the motion begins at `{place}`; if the robot stands there, ask again after 1 to 10 s"
+            "the motion begins at `{place}`; if the robot stands there, request the motion again \
+             after 1 to 10 s"
         );
         self.asked_at_place = Some((code, now_us));
         Err(why)

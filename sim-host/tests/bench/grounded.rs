@@ -110,7 +110,7 @@ fn the_travel_of_a_robot_that_follows_setpoints_is_recorded() {
     let mut session = in_hoist(0.0);
     session.arm().unwrap();
     session.command("follow setpoints", Action::Stream).unwrap();
-    // Without set-points the controller holds SAFE and then lets the robot down.
+    // Without set-points the controller holds SAFE, and the robot then sinks damped.
     session.run_for(S).unwrap();
     let travels = session.bus_mut().take_travels();
     let streamed = travels.iter().find(|travel| travel.motion == Moving::Setpoints);

@@ -107,7 +107,7 @@ impl GaitSearch {
         if tried.iter().any(with_cycles) {
             output::print_line(
                 "the search gives each gait about one cycle a second, in place of `cycles` of the \
-                 motion file; the pattern \"as given\" keeps it",
+                 motion file; the pattern \"as given\" keeps `cycles`",
             );
         }
         let mut patterns = Vec::new();
