@@ -71,7 +71,7 @@ def of_walking(robot):
 
 
 def drawn(robots, count, seed):
-    """Random requests: a robot, its kind of footfalls and a goal, each from one seed."""
+    """Random requests, all drawn from one seed: each of a robot, a kind of footfalls that suits it, and a goal."""
     draw = random.Random(seed)
     found = []
     for number in range(count):

@@ -25,7 +25,7 @@ def forged_frame(client, rng):
 
 
 def command(client, rng):
-    """A valid command at the wrong time, with an unknown nonce."""
+    """A command with a valid crc8, a random number and time of expiry, and never the current nonce."""
     until = (client.clock_ms() or 0) + rng.choice([-5, 0, 200, 500, 999, 1001, 32000])
     kind = rng.choice([wire.PLAY, wire.PAUSE, wire.RESUME, wire.RETURN, wire.ARM, wire.ARM_CONFIRM, wire.CLEAR, wire.CLEAR_CONFIRM, wire.STREAM, wire.TRACK, 15])
     seq = client.seq + rng.choice([0, 1, 1, 2, 8, 9])

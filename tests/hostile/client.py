@@ -81,7 +81,7 @@ class Client:
         self.frames(wire.heartbeat(self.node, self.beat, self.beat * 50))
 
     def command(self, kind, *values, **fields):
-        """Sends a new command, valid for half a second; `values` are code, speed and arg."""
+        """Sends a new command, valid for 0.4 s; `values` are code, speed and arg."""
         self.seq += 1
         self.frames(wire.command(self.node, self.seq, kind, (self.clock_ms() or 0) + 400, *values, **fields))
 

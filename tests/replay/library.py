@@ -12,7 +12,8 @@ MANIFEST, CHANNELS, CLIPS, FRAMES, NAMES, TORQUE_QUANTA, TORQUE_CLIPS, TORQUES =
 
 
 def frames_of(path, motion):
-    """Setpoints of the clip with the motion's name, one row for each frame, and its torques; None if it has none."""
+    """Set-points of the clip with the motion's name, one row for each frame, and its torques, or None if the library
+    has no torques."""
     try:
         with open(path, "rb") as file:
             data = file.read()

@@ -33,7 +33,7 @@ class Setpoints:
 def setpoints(robot, frames, torques, motion, periods, feed_forward, control_hz=CONTROL_HZ):
     """Set-points of a motion that is played `periods` times, or once. Its torques are sent as torque, as offset of the target, or not.
 
-    A motion that ends holds its first frame for `hold_s` before, and its last frame for `hold_s` after: see `world`.
+    The holds before and after a motion that ends are not included: see `hold` and `world.run`.
     """
     per_frame = control_hz // RATE_HZ
     count = len(frames)

@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
-"""Records a run in MuJoCo, for `rollwalk identify`: what the drives of a simulated robot were commanded, played by a robot with its own contacts.
+"""Records a run in MuJoCo, for `rollwalk identify`: the commands to the drives of a simulated robot, played by a robot with
+its own contacts.
 
     python3 tests/replay/recorded.py ROBOT.toml RUN.csv -o RECORDED.csv [--angle-noise RAD] [--place-noise M] [--seed N]
 
-RUN.csv is that of `rollwalk simulate PLAN.json --world-log RUN.csv` (docs/formats/world-log.md), on level ground; the robot begins at rest. Commands and
-limits are those in it, gains, masses, friction and feet those of ROBOT.toml. The table contains what a real robot could measure: commands, angles and speeds of
-motors, and the pose of the body from an IMU and something that tracks it. Exit code: 0, or 2 if a file cannot be used.
+RUN.csv is that of `rollwalk simulate PLAN.json --world-log RUN.csv` (docs/formats/world-log.md), on level ground; the robot
+begins at rest. Commands and limits are those of RUN.csv; gains, masses, friction and feet are those of ROBOT.toml. The table
+contains what a real robot could measure: commands, angles and speeds of motors, and the pose of the body from an IMU and a
+tracking system. Exit code: 0, or 2 if a file cannot be used.
 """
 
 import argparse

@@ -15,8 +15,8 @@ CONTROL_HZ = 500
 
 
 def run(rollwalk, plan, motion, robot, feedback, case=world.Case(), cycles=5, noise=None):
-    """Plays a motion in closed loop, as `world.run` does in open loop. The track also contains ticks without
-    tracking."""
+    """Plays a motion in closed loop, as `world.run` does in open loop. Returns its track, and the number of ticks
+    without tracking."""
     ground = Ground()
     model = Model(robot, motion.gravity_m_s2, ground)
     torques, _ = feedforward.frames(model, motion)

@@ -272,5 +272,5 @@ class Simulation:
         return math.atan2(r[3], r[0])
 
     def measure_place(self):
-        """Records the robot's centre of mass and heading at the beginning of a period."""
+        """Records the robot's centre of mass and heading, at the beginning of each period and at the end."""
         self.track.com_m.append((self.d.subtree_com[1].copy(), self._yaw()))

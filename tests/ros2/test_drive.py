@@ -197,7 +197,7 @@ class Drive(bench.Bench):
         self.await_text(self.state, "Streaming")
 
     def await_state_stays(self, state):
-        """Last state that the node published."""
+        """Asserts that this is the last state that the node published."""
         late = self.client.reader("/rollwalk/state", ros.String, ros.LATCHED)
         self.assertEqual(ros.wait_for(lambda: late.take(1), "a state")[0].data, state)
 

@@ -95,7 +95,7 @@ export type Edit =
   | { edit: "add_motion"; name: string; file: string }
   | { edit: "remove_motion"; name: string }
   | { edit: "transition"; from: string; to: string; duration_s: number | null }
-  /** A limit of the robot file, at any place in the file. */
+  /** Replaces the value `from` of a limit, wherever the robot file contains it under this key. */
   | { edit: "everywhere"; key: string; from: number; value: number };
 
 export type Fault = {

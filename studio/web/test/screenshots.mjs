@@ -1,5 +1,4 @@
-// Writes pictures of the page to a folder: node test/screenshots.mjs FOLDER [NAME]... Pictures: light, dark, tablet, trouble,
-// library.
+// Writes pictures of the page to a folder: node test/screenshots.mjs FOLDER [NAME]... Without names, all pictures.
 import { mkdir } from "node:fs/promises";
 import { join } from "node:path";
 import { launch, serve, Studio } from "./harness.mjs";

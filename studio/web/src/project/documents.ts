@@ -149,7 +149,7 @@ export class Documents {
 
 export type Kind = "robot" | "motion" | "library" | "design" | "plan" | "urdf" | "other";
 
-/** Guesses the kind of a file from tables that only such files have. The engine decides. */
+/** Guesses the kind of a file from its beginning, tables and keys. The engine decides. */
 export function kindOf(file: File): Kind {
   if (/^\s*\{/.test(file.text)) return file.text.includes('"rollwalk-plan"') ? "plan" : "other";
   if (/^\s*</.test(file.text)) return /<(robot|mujoco)[\s>]/.test(file.text) ? "urdf" : "other";

@@ -57,7 +57,7 @@ export function isDark(theme: Theme): boolean {
   return theme === "dark" || (theme === "system" && matchMedia("(prefers-color-scheme: dark)").matches);
 }
 
-/** Value that is stored until the tab is closed, also across reloads; null if storage is forbidden. */
+/** Value that is stored until the tab is closed, also across reloads; null without one, or if storage is forbidden. */
 export function kept(key: string): string | null {
   try {
     return sessionStorage.getItem(key);

@@ -45,7 +45,7 @@ export class Paths {
     dispose(this.group);
   }
 
-  /** A ring where a foot lands. */
+  /** Discs at the positions where a foot lands. */
   #footprints(frames: Frames, foot: number, color: string) {
     for (let index = 1; index < frames.header.count; index++) {
       const row = frames.row(index);

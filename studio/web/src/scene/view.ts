@@ -284,8 +284,8 @@ function round(value: number): number {
 }
 
 /**
- * A drag changes the prescribed components of a target. On the ground plane, free components become prescribed; the height becomes
- * prescribed only by an upward drag.
+ * A drag on the ground plane changes the horizontal components of a target that are prescribed; if both are free, both become
+ * prescribed. Only an upward drag changes the height, which then is prescribed.
  */
 function placed(target: Target, to: HandleMove, upwards: boolean): Target {
   if (upwards) return { ...target, up_m: round(to.up_m) };

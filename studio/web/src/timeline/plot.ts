@@ -101,7 +101,7 @@ export class Plot {
     this.#now();
   }
 
-  /** Several series with different limits are drawn relative to their limits. */
+  /** Several series with different limits, each symmetric about 0, are drawn relative to their limits. */
   #shares(list: Series[]): boolean {
     if (list.length < 2) return false;
     const limits = new Set(list.map((one) => `${one.low} ${one.high}`));
