@@ -63,7 +63,7 @@ pub struct TourResult {
 /// Plays a library.
 ///
 /// # Errors
-/// Returns an error if the controller refused the library or a setting.
+/// Returns an error if the controller refused the library or a setting, or if the log of the world cannot be written.
 pub fn play(packed: &ValidatedLibrary, options: Options<'_>) -> miette::Result<TourResult> {
     let (robot, library) = (&packed.robot, &packed.library());
     let mut rig = Rig::new(robot).into_diagnostic()?;

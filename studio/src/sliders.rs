@@ -37,7 +37,7 @@ pub fn sliders(documents: &Documents<'_>, path: &str, text: &str) -> Vec<Slider>
 /// Returns the text of a robot file after changing one parameter.
 ///
 /// # Errors
-/// Returns an error if the parameter does not exist, or if the robot file is not TOML.
+/// Returns an error if the parameter does not exist or cannot have the value, or if the robot file is not TOML.
 pub fn set(text: &str, sliders: &[Slider], name: &str, value: f64) -> Result<String, Answer> {
     let refused = |message: String, help: String| Answer::Error { message, help };
     let Some(Slider { shown, place }) = sliders.iter().find(|slider| slider.shown.name == name)

@@ -61,7 +61,8 @@ fn bus(name: &str) -> Result<Bus, String> {
 /// Runs the subcommand.
 ///
 /// # Errors
-/// Returns an error if the robot does not have the bus, or if its actuators use another protocol than the Rollwalk profile.
+/// Returns an error if a file cannot be read or written, or if a bus number is given without a robot. Also returns an error if
+/// the robot does not have the bus, or if its actuators use another protocol than the Rollwalk profile.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let robot = args.robot.as_ref().map(|path| Source::Disk.robot(path)).transpose()?;
     let names = robot.as_ref().map(names);

@@ -29,8 +29,8 @@ impl Memory {
     /// is removed, as in `rollwalk flash`.
     ///
     /// # Errors
-    /// Returns an error if the library is for another robot, is damaged or is not signed with `key`, or if the file cannot be
-    /// written.
+    /// Returns an error if the library is for another robot, is damaged, is too large or is not signed with `key`, or if the file
+    /// cannot be written.
     pub fn open(path: &Path, robot: &Path, key: Option<&VerifyingKey>) -> miette::Result<Self> {
         // This order guarantees that a file that was read is not used for another output.
         let output = Output::of_source(path)?;

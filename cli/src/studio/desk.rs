@@ -29,7 +29,8 @@ impl Desk {
     /// Opens files and all files that they name. Unsaved edits of them are kept in `folder`, which is in the user's state folder.
     ///
     /// # Errors
-    /// Returns an error if a file that the user named cannot be read, or is of a kind that the studio does not open.
+    /// Returns an error if a file that the user named cannot be read, or is of a kind that the studio does not open, or if the
+    /// motion of a plan is not found.
     pub fn open(paths: &[PathBuf], folder: Option<PathBuf>) -> miette::Result<Self> {
         let (sheets, desired) = opening::open(paths)?;
         let edits = folder.map(|folder| Edits::of(paths, &folder));

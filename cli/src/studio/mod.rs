@@ -49,7 +49,7 @@ impl Server {
     /// Binds a port, any free one for 0. With a relay, a page can use its bus.
     ///
     /// # Errors
-    /// Returns an error if the port is in use.
+    /// Returns an error if the port cannot be used, or if the operating system provides no random numbers for the token.
     pub fn bind(port: u16, desk: Desk, relay: Option<Relay>) -> miette::Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))
             .into_diagnostic()

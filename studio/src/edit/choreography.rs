@@ -10,7 +10,7 @@ use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, Value};
 /// of an entry are kept.
 ///
 /// # Errors
-/// Returns an error if no entry has that index.
+/// Returns an error if no entry has that index, or if `key` is not an array of tables.
 pub fn replace<T: Serialize>(
     document: &mut DocumentMut,
     key: &str,

@@ -62,7 +62,7 @@ pub fn rows(document: &mut DocumentMut, robot: &Robot, stance: &[Vec<bool>]) -> 
 /// wrap around the end.
 ///
 /// # Errors
-/// Returns an error if the end effector or a sample does not exist.
+/// Returns an error if the end effector or a sample does not exist, or if the span wraps around in a motion that is not periodic.
 pub fn painted(
     motion: &Motion,
     end_effector: usize,

@@ -83,7 +83,7 @@ impl Default for Names {
 /// Processes a page's request to a robot. Returns the view for the page, and the bytes to send.
 ///
 /// # Errors
-/// Returns an error if there is no connection, if it cannot be established, or if documents have faults.
+/// Returns an error if there is no connection, if it cannot be established, or if documents or a library are wrong.
 pub fn request(
     connection: &mut Option<Connection>,
     names: Names,

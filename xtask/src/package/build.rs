@@ -31,7 +31,7 @@ impl Programs {
 ///
 /// # Errors
 /// Returns an error if the build fails; its messages are printed on the terminal. Also returns an error if a program depends on
-/// libraries of the machine.
+/// libraries of the machine, or contains the path of this checkout or of the home folder.
 pub fn programs(target: &Path) -> Result<Programs, String> {
     bare_metal::need_target(TARGET)?;
     // Zstandard and LZ4, which compress MCAP files, are written in C.

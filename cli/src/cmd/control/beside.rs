@@ -22,7 +22,7 @@ const INTERVAL_TICKS: RangeInclusive<f64> = 0.6..=1.6;
 /// Answers each line of standard input until the input ends.
 ///
 /// # Errors
-/// Returns an error if the plan cannot be used, or if a line is invalid.
+/// Returns an error if the plan cannot be used, if a line is invalid, or if standard output is closed.
 pub fn run(plan: &Path, feedback: Feedback, timing: Timing) -> miette::Result<Exit> {
     let plan = inputs::plan(plan)?;
     let script = Script::new(&plan, true);

@@ -216,7 +216,7 @@ fn tracking(rate_hz: u32) -> Tracking {
 /// Checks that the robot has the encoders and motors that tracking needs.
 ///
 /// # Errors
-/// Returns an error if a wheel has no encoder, or if the bus of a channel does not support torques or gains.
+/// Returns an error if a wheel or a joint has no encoder, or if the bus of a channel does not support torques or gains.
 pub(super) fn check(robot: &Robot) -> miette::Result<()> {
     if let Some(wheel) = robot.end_effectors.iter().find(|of| of.contact.freewheels()) {
         return Err(no_encoder(robot, &wheel.name));

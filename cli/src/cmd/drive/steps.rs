@@ -52,7 +52,7 @@ pub fn at(steps: &[Step], time_s: f64) -> Steering {
     begun.map(|step| step.steering).unwrap_or_default()
 }
 
-/// Checks that the start times increase, and that each is before the end of the drive, s.
+/// Checks that the start times increase, and that each is before the end of the drive at `until_s`.
 ///
 /// # Errors
 /// Returns a message about the first step that violates this.

@@ -68,7 +68,8 @@ impl SelectedMotion<'_> {
 /// the robot moves.
 ///
 /// # Errors
-/// Returns an error with the available motions if the requested one does not exist.
+/// Returns an error if the requested motion does not exist or has no code, with the available motions or codes, or if the motion
+/// names of the library are unknown.
 pub fn choose<'a>(
     wanted: &MotionRequest,
     catalog: Option<&'a Catalog>,

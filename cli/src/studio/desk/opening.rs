@@ -50,7 +50,8 @@ pub struct InitialFiles {
 /// Reads the files that the user named, and the documents that they name.
 ///
 /// # Errors
-/// Returns an error if a file that the user named cannot be read, or is of a kind that the studio does not open.
+/// Returns an error if a file that the user named cannot be read, or is of a kind that the studio does not open, or if the motion
+/// of a plan is not found.
 pub fn open(paths: &[PathBuf]) -> miette::Result<(Vec<Sheet>, InitialFiles)> {
     let folders: Vec<_> = paths.iter().filter_map(|path| folder_of(path)).collect();
     let (mut sheets, mut desired) = (Vec::<Sheet>::new(), InitialFiles::default());
