@@ -102,7 +102,7 @@ impl GroundArgs {
         let help = if !stands_on_level_ground {
             "check the nominal pose with `rollwalk robot check`"
         } else if self.terrain.is_some() {
-            "move steps, walls and obstacles away from the origin, where the robot begins"
+            "move steps, walls and obstacles away from the origin, where the robot starts"
         } else {
             "give a gentler slope"
         };

@@ -106,8 +106,8 @@ fn of_missing(error: &clap::Error) -> Option<String> {
     let tips = [
         (
             "--bus ",
-            "add the bus of the robot: --bus sim for a robot of `rollwalk-sim`, otherwise such as \
-             --bus can:can0",
+            "add the bus of the robot: --bus sim for a robot of `rollwalk-sim`, otherwise for \
+             example --bus can:can0",
         ),
         ("--with ", "write a first side file with --template SIDE.toml, and complete it"),
     ];

@@ -120,7 +120,7 @@ impl Actuators {
         of_bus.or(of_channel).or_else(|| self.kind())
     }
 
-    /// Silent servo whose answer a servo on a serial line must wait for; `None` if there is none.
+    /// Silent servo that keeps `channel` from answering on its serial line; `None` if there is none.
     ///
     /// The servos of a line answer in the order of their channels, each after the end of the answer before. A silent servo
     /// therefore silences all servos after it.

@@ -40,7 +40,7 @@ pub fn agrees_with_finite_differences(force: &dyn Force) {
     agrees_at(force, 20, |_| {});
 }
 
-/// [`agrees_with_finite_differences`] at `count` random motions that `prepare` may change.
+/// Checks like [`agrees_with_finite_differences`] at `count` random motions, which `prepare` may change.
 pub fn agrees_at(force: &dyn Force, count: u64, prepare: impl Fn(&mut [BodyMotion])) {
     let bodies = force.bodies().len();
     let step = 1e-6;

@@ -233,7 +233,7 @@ impl Compliance {
         None
     }
 
-    /// Gauss-Seidel rounds: solves one kink after another, with the forces of the others fixed.
+    /// Solves one kink after another, with the forces of the others fixed, in Gauss-Seidel rounds.
     fn rounds(&self, ports: &[Port<'_>], shifts: &mut [Vector3<f64>]) {
         let change =
             |k: usize, shift: &Vector3<f64>| ports[k].law(self.gain, shift).0 - ports[k].force;

@@ -245,7 +245,7 @@ impl System {
         self.take(step_s, None)
     }
 
-    /// [`step`](Self::step) with an observer.
+    /// Advances the state like [`step`](Self::step), with an observer.
     pub(crate) fn take(
         &mut self,
         step_s: f64,

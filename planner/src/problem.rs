@@ -273,7 +273,7 @@ impl Problem {
     }
 
     /// Returns true if the end effectors of a motion at rest can move by its goal: all of them step, or they roll or step
-    /// straight ahead. Wheels that stay on the ground may be unable to go sideways or to turn. False for motions that lie.
+    /// straight ahead. Wheels that stay on the ground may be unable to go sideways or to turn. False for motions with `lying`.
     pub fn contacts_carry_goal(&self) -> bool {
         let ends = &self.model.robot().end_effectors;
         let steps = |j: usize| self.stance.iter().any(|flags| !flags[j]);

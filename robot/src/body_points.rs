@@ -1,6 +1,6 @@
 //! Points of the body on which a robot lies, as end effectors without joints.
 //!
-//! Plans of motions that lie treat these points like feet. The points are the lowest of the body's shapes.
+//! Plans of motions with `lying` treat these points like feet. The points are the lowest of the body's shapes.
 
 use crate::contact::Contact;
 use crate::model::{EndEffector, Robot};

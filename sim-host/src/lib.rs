@@ -4,7 +4,7 @@
 //! | module | contents |
 //! |---|---|
 //! | [`rig`], [`store`] | controller, buses and motors, stepped in one fixed order |
-//! | [`core`] | interface of a controller: the firmware in this process, or any other that answers its steps |
+//! | [`core`] | interface of a controller: the firmware in this process, or a controller elsewhere |
 //! | [`mod@bus`], [`mod@line`] | a CAN bus and a half-duplex serial line, exact to the bit |
 //! | [`interface`], [`clock`] | names of the buses, virtual time |
 //! | [`body`], [`servo`], [`plant`], [`load`] | motors, from frame to torque to angle; their drives are [`rollwalk_drives`] |

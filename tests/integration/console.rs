@@ -31,7 +31,7 @@ fn a_robot_is_armed_played_stopped_and_left_by_keys() {
     console.press("q");
     assert_eq!(console.ends(), Some(0));
 
-    // A command that leaves the robot stopped is not done.
+    // The exit code of a console that leaves the robot stopped is 5.
     let mut console = start(&desk, &bus);
     console.wait_for_screen("DISARMED");
     console.press(" ");

@@ -61,7 +61,7 @@ pub enum ActionAfterStop {
     Leave,
 }
 
-/// Phase of the robot.
+/// Phase of a steered drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     /// The robot does not follow streamed set-points.
@@ -187,7 +187,7 @@ impl Pilot {
         self.rests = false;
     }
 
-    /// Phase of the robot.
+    /// Phase of a steered drive.
     pub fn phase(&self) -> Phase {
         self.phase
     }

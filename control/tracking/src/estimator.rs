@@ -279,7 +279,7 @@ impl Estimator {
         jumps
     }
 
-    /// Tick of an aligned estimator.
+    /// Advances an aligned estimator by one tick.
     fn track(&mut self, sensors: &Sensors<'_>, tick_s: f64) -> Result<(), EstimateError> {
         let velocity_before = self.filter.velocity_m_s;
         self.filter.predict(sensors.accelerometer_m_s2, tick_s);

@@ -22,7 +22,7 @@ const FALLEN_SHARE: f64 = 0.25;
 const SHARE_S: f64 = 0.5;
 /// Tilt from the starting attitude up to which a robot that may lie down has not fallen, rad. Motions lay the body down level.
 const LEVEL_RAD: f64 = 0.35;
-/// Height of the body above the ground at which a robot begins on its body, as a fraction of the height of the centre of mass.
+/// Largest height above the ground of a body that lies at the start, as a fraction of the height of the centre of mass.
 const ON_BODY_HEIGHT: f64 = 0.02;
 
 /// Smallest vertical component of the ground normal at a robot's start.

@@ -185,7 +185,7 @@ pub fn optimise(
     Ok(OptimisationResult { steps, plans: here.plans, merit, lost, gains, estimated })
 }
 
-/// Damped BFGS update, which keeps the curvature positive definite.
+/// Updates the curvature by damped BFGS, which keeps it positive definite.
 fn update(curvature: &mut DMatrix<f64>, step: &DVector<f64>, change: &DVector<f64>) {
     let along = &*curvature * step;
     let (old, new) = (step.dot(&along), step.dot(change));

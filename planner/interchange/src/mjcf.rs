@@ -197,7 +197,7 @@ impl Bodies<'_> {
         })
     }
 
-    /// Cranks of the servos on a link, and ends of rods.
+    /// Writes the cranks of the servos on a link, and the rod ends of the linkages that move it.
     fn linkages(&self, xml: &mut Xml, link: usize) -> io::Result<()> {
         for (joint, linkage, name) in linkages(self.robot, self.bodies) {
             if joint.child == link {

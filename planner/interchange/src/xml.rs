@@ -18,7 +18,7 @@ impl Xml {
         Ok(Self(writer))
     }
 
-    /// An element without content.
+    /// Writes an element without content.
     pub fn empty(&mut self, name: &str, attributes: &[(&str, String)]) -> io::Result<()> {
         self.0.write_event(Event::Empty(start(name, attributes)))
     }
@@ -36,7 +36,7 @@ impl Xml {
         self.0.write_event(Event::End(start.to_end()))
     }
 
-    /// An element around a text.
+    /// Writes an element around a text.
     pub fn text(
         &mut self,
         name: &str,
@@ -46,7 +46,7 @@ impl Xml {
         self.element(name, attributes, |xml| xml.0.write_event(Event::Text(BytesText::new(text))))
     }
 
-    /// The text of the document.
+    /// Returns the document as text.
     pub fn finish(self) -> String {
         // Names and numbers went in as text.
         String::from_utf8(self.0.into_inner()).unwrap_or_default() + "\n"

@@ -188,7 +188,7 @@ fn motion(document: &Document<'_>, robot: &Robot, terrain: Option<&Terrain>) -> 
     if let (Some(Some(_)), Some(FreeTimes::Free)) = (&lying, timing.map(|timing| timing.free)) {
         let help =
             "give `timing = \"duration\"`, because all points of the body lift off at one time";
-        root.fault("timing", "is \"free\" for a motion that lies", "other times", help);
+        root.fault("timing", "is \"free\" for a motion with `lying`", "other times", help);
     }
     root.done();
     let (duration_s, stance, swing_height_m) = steps?;

@@ -93,7 +93,7 @@ impl Motion {
         self.held_wheels.extend(std::iter::repeat_n(false, points));
     }
 
-    /// Transition between two motions of which at least one lies. Its stance flags include the points of the body.
+    /// Transition between two motions, at least one of them with `lying`. Its stance flags include the points of the body.
     pub(crate) fn lying_between(&self, from: &Motion, to: &Motion, robot: &Robot) -> Self {
         let is_down = |stance: Option<&Vec<bool>>| {
             stance.is_some_and(|flags| flags.iter().skip(self.stance[0].len()).any(|&down| down))
@@ -118,7 +118,7 @@ pub(super) fn ends(
         if root.has(POSTURE) {
             let help = "give `lying = \"start\"`, \"end\", \"both\" or \"throughout\", or leave out \
                  `[lying_posture]`";
-            root.fault(POSTURE, "is for motions that lie", "no `lying`", help);
+            root.fault(POSTURE, "is for motions with `lying`", "no `lying`", help);
             return None;
         }
         return Some(None);

@@ -72,7 +72,7 @@ impl fmt::Display for PatternKind {
 
 impl Motion {
     /// Returns the motion with each footfall pattern that suits the robot: the given one first, then rolling on all wheels, then
-    /// the named gaits. Patterns equal to an earlier one are left out. A motion that lies has only the given pattern.
+    /// the named gaits. Patterns equal to an earlier one are left out. A motion with `lying` has only the given pattern.
     pub fn patterns(&self, robot: &Robot) -> Vec<Pattern> {
         let mut patterns = vec![Pattern { kind: PatternKind::Given, motion: self.clone() }];
         // The feet of a robot that lies rise with its body.

@@ -21,7 +21,7 @@ pub struct Weights {
     /// Pull of joints and body towards the motion's posture. If too low, the body drifts and feet gather below it. If too high,
     /// feet scrub over the ground.
     pub posture: f64,
-    /// Pull of the body at the end of a motion at rest towards its initial place over the end effectors (m and rad). If too low,
+    /// Pull of the final body pose over the end effectors towards the initial one, in motions at rest (m and rad). If too low,
     /// feet and wheels move by less than the goal.
     pub end_lean: f64,
     /// Pull of wheel speeds (rim speed, m/s) towards zero, which determines them in swing.

@@ -304,7 +304,7 @@ fn the_price_of_the_duration_is_its_gradient_and_that_of_plans_in_other_times() 
     }
 }
 
-/// A motion that lies adds points of the body to its robot; a design gives the robot without them.
+/// A motion with `lying` adds points of the body to its robot; a design gives the robot without them.
 #[test]
 fn a_motion_that_lies_has_neighbours() {
     let (robot, motion) = read("anymal_stand_up.toml");

@@ -164,7 +164,7 @@ pub struct Optimum<'a> {
     position: Vec<f64>,
     rows: Rows,
     shifts: Vec<f64>,
-    /// Unit vector along which the optimum is fixed, because the rows do not determine it.
+    /// Unit vector of the direction that the rows do not determine. Steps have no component along it.
     pin: Option<Vec<f64>>,
     normal: NormalEquations,
     /// Factors b and 1 − b of every constraint; 1 − b is bounded by the maximum stiffness.

@@ -99,7 +99,7 @@ fn what_cannot_lie_is_refused_with_the_field_that_helps() {
         (&bare, STANDS_UP, "give link `base` in the robot file `shapes`"),
         (&anymal, "ends = \"periodic\"\nlying = \"start\"", "is given for a periodic motion"),
         (&anymal, &format!("{STANDS_UP}\ntiming = \"free\""), "give `timing = \\\"duration\\\"`"),
-        (&anymal, "ends = \"at_rest\"\n[lying_posture]\nLF_HFE = 1.0", "is for motions that lie"),
+        (&anymal, "ends = \"at_rest\"\n[lying_posture]\nLF_HFE = 1.0", "for motions with `lying`"),
         (&robot("pup"), STANDS_UP, "is impossible within the limits of the joints"),
     ] {
         let why = read(robot, keys).unwrap_err();

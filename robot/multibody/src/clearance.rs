@@ -285,7 +285,7 @@ fn ground_points(robot: &Robot, link: usize, margin_m: f64) -> Vec<(Vector3<f64>
         return if link == 0 { vec![] } else { vec![(Vector3::zeros(), 0.0, 0.0)] };
     }
     let points = shapes.iter().flat_map(Shape::points);
-    // Motions that lie constrain the points on which they lie themselves.
+    // Motions with `lying` constrain the points on which the robot lies like feet.
     let clear = points.filter(|at| !robot.lies_on(link, at));
     clear.map(|(center, radius_m)| (center, radius_m, margin_m)).collect()
 }

@@ -5,8 +5,7 @@ use crate::{Configuration, Frames, RimContact, Tree};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use rollwalk_robot::GRAVITY_M_S2;
 
-/// Height above which a contact does not touch the ground in the standing pose, as a fraction of the height of the centre of
-/// mass.
+/// Largest height of a contact on the ground in the standing pose, as a fraction of the height of the centre of mass.
 const HANGING: f64 = 0.05;
 /// Spread below which contacts stand in line, m. Such contacts cannot balance moments across the line. The centre of mass may
 /// be off the line by the same distance.

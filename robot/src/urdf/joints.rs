@@ -113,7 +113,7 @@ struct Reader<'a, 'n, 't> {
     urdf: &'a Urdf,
     document: &'a Document<'a>,
     notes: &'n mut Notes<'t>,
-    /// Joints without limits within a turn.
+    /// Joints with a limit of a whole turn or more, or without limits.
     endless: Vec<&'a Joint>,
     /// Joints with limits in degrees.
     degrees: Vec<&'a Joint>,

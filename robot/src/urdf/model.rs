@@ -120,7 +120,7 @@ impl Mimic {
     }
 }
 
-/// Crank and rod of a joint's motor. The crank is at its angle 0.
+/// Crank and rod of a joint's motor. Points are those at the crank angle 0.
 #[derive(Clone, Debug)]
 pub(super) struct Linkage {
     /// Link that carries the crank.

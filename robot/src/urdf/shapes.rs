@@ -18,15 +18,14 @@ use std::f64::consts::PI;
 const PLACEHOLDER_M: f64 = 0.005;
 /// Maximum number of shapes of a body in robot files.
 const SHAPES_MAX: usize = 16;
-/// Distance around a foot or wheel within which a shape is part of it, as a fraction of its radius.
+/// Largest distance of a shape that is part of a foot or wheel from its surface, as a fraction of its radius.
 const PART_OF_TIP: f64 = 0.1;
-/// Distance above the bottom of a foot or wheel within which a shape touches the ground, too, as a fraction of the
-/// foot's or wheel's radius.
+/// Largest height above the ground of a shape that touches the ground beside a foot or wheel, as a fraction of the radius of
+/// that foot or wheel.
 const GROUND_SHARE: f64 = 0.1;
-/// Depth of the top of a shape below the body's joint, as a fraction of the depth of the ground, above which the shape is the
-/// sole of its foot.
+/// Smallest depth of the top of a foot's sole below the body's joint, as a fraction of the depth of the ground.
 const SOLE_SHARE: f64 = 0.5;
-/// Size of the box of an inertia above which the inertia is wrong, as a multiple of the robot's size.
+/// Largest plausible size of the box of an inertia, as a multiple of the robot's size.
 const BOX_MAX: f64 = 5.0;
 /// Largest radius of a capsule in robot files, m.
 const RADIUS_MAX_M: f64 = 1.0;

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 const SPEED_M_S: f64 = 0.3;
 /// Vertical speed at which the hoist lifts feet that press on the ground, m/s.
 const LIFT_M_S: f64 = 0.1;
-/// Depth of the lowest point in the ground from which feet count as pressing, m.
+/// Smallest depth in the ground at which feet count as pressing, m.
 const PRESSED_M: f64 = 1e-5;
 /// Time with unchanged targets after which motors count as standing, s.
 const STILL_S: f64 = 0.1;

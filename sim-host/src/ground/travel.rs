@@ -53,7 +53,7 @@ impl Travel {
         self.odometer.add(world, step_s);
     }
 
-    /// Path along the ground.
+    /// Net displacement along the ground.
     pub fn displacement(&self) -> NetDisplacement {
         self.odometer.displacement()
     }

@@ -94,7 +94,7 @@ impl Step for NightlyStep {
             Self::BoardUart => "the whole demo and another robot on the emulated board",
             Self::Sizes => "sizes and instructions of the emulated board's image",
             Self::Miri => "tests of protocol and firmware in Miri",
-            Self::Multibody => "kinematics and dynamics against MuJoCo, 1,000 states a robot",
+            Self::Multibody => "kinematics and dynamics against MuJoCo, 1,000 states of each robot",
             Self::Physics => "experiments with the differentiable simulator",
             Self::Exports => "exports, read by other tools",
             Self::Explore => "a sweep over designs, split in every way",

@@ -16,7 +16,8 @@ const LINE_MAX: u64 = 1 << 20;
 
 /// Maximum time of a motion, s. A client that sends nanoseconds exceeds it by far.
 const TIME_MAX_S: f64 = 1e6;
-/// Range of the interval between two lines that counts as one tick, in ticks. An interval of zero means that the motion rests.
+/// Range of the interval between two lines that counts as one tick, in ticks. An interval of zero means that the time of the
+/// motion is held.
 const INTERVAL_TICKS: RangeInclusive<f64> = 0.6..=1.6;
 
 /// Answers each line of standard input until the input ends.
@@ -110,8 +111,8 @@ impl Controller<'_, '_> {
         Ok(Setpoints::new(request.time_s, &laws, untracked))
     }
 
-    /// Checks that the time increases by one tick from line to line, or rests. A single deviation is accepted: at the end of a
-    /// motion, or if a line is missing.
+    /// Checks that the time increases by one tick from line to line, or stays the same. A single deviation is accepted: at the
+    /// end of a motion, or if a line is missing.
     fn check_time(&mut self, time_s: f64) -> miette::Result<()> {
         if time_s.abs() > TIME_MAX_S {
             return Err(miette!(

@@ -121,8 +121,8 @@ fn unfit(RejectedRun { path, reason }: &RejectedRun) -> Report {
             "leave out this quantity: --fit mass.LINK fits the masses of single links"
         }
         FitError::Falls(_) => {
-            "give the robot file of this run, recorded on level ground; with `--from`, begin while \
-             the robot stands still"
+            "give the robot file of this run, and a run on level ground; with `--from`, start \
+             while the robot stands still"
         }
         _ => "record a longer run, or use a longer time span with `--from` and `--to`",
     };

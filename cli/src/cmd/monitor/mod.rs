@@ -229,7 +229,7 @@ fn interface(bus: &BusName) -> String {
     }
 }
 
-/// Outputs of received frames.
+/// Writer of received frames: terminal, log, MCAP recording and live view.
 struct Monitor<'a> {
     interface: String,
     json: bool,

@@ -147,8 +147,8 @@ fn us_since(start: Instant) -> u64 {
     u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX)
 }
 
-/// Prints the state in which an operator left the robot. Returns the exit code: a robot that was stopped, or that still has
-/// torque, is not done.
+/// Prints the state in which an operator left the robot. Returns [`Exit::NotDone`] if the robot was stopped, still has torque
+/// or never answered.
 pub fn report_exit(view: &View) -> Exit {
     let (Some(status), Some(condition)) = (view.status, &view.condition) else {
         output::print_line("the controller never answered; `rollwalk doctor` finds the cause");

@@ -1,7 +1,7 @@
 //! Controller on an emulated Cortex-M4F, with its requests and the expected answers in the board's memory.
 //!
 //! The program runs until an answer differs from the expected one, reports the result on the emulator's console and ends the
-//! emulator. It is a test program, so it may panic, and the symbol check of `cargo xtask sizes` must find that.
+//! emulator. This test program can panic, and `cargo xtask sizes` checks that its symbols show the panics.
 #![no_std]
 #![no_main]
 

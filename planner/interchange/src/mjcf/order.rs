@@ -70,7 +70,7 @@ impl Order {
         Self { hinged, transmission: robot.transmission() }
     }
 
-    /// Generalised positions of a state. The sign of the quaternion `wxyz` is continuous along a motion.
+    /// Generalised positions of a state. The caller keeps the sign of the quaternion `wxyz` continuous along a motion.
     pub fn positions(&self, state: &State, wxyz: [f64; 4], wheel_rad: &[f64]) -> Vec<f64> {
         let mut all: Vec<_> = state.base_position_m.iter().copied().collect();
         all.extend(wxyz);

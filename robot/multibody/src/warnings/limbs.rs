@@ -4,9 +4,9 @@ use super::warning::{CheckedRobot, RobotWarning};
 use crate::{Configuration, Frames};
 use nalgebra::{Matrix3, Vector3};
 
-/// Distance between two axes, or of a contact from an axis, below which they coincide, as a fraction of the robot's size.
+/// Largest distance between coincident axes, or of a contact on an axis from it, as a fraction of the robot's size.
 const SAME: f64 = 0.003;
-/// Sine of the angle between two axes below which they are parallel.
+/// Largest sine of the angle between two parallel axes.
 const PARALLEL: f64 = 0.02;
 /// Angles from the nominal pose at which the effect of a joint is checked too, rad.
 const BENT_RAD: [f64; 2] = [0.3, -0.5];

@@ -2,7 +2,7 @@
 
 use super::warning::{CheckedRobot, RobotWarning};
 
-/// Distance from the middle below which an end effector has no side, as a fraction of the robot's size.
+/// Largest distance from the middle of an end effector without a side, as a fraction of the robot's size.
 const MIDDLE: f64 = 0.02;
 
 /// Direction of the body, with the words in names that denote it or its opposite.

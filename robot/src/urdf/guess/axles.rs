@@ -10,13 +10,13 @@ use nalgebra::{Isometry3, Unit, Vector3};
 
 /// Parts of names of wheels.
 pub(super) const WHEELS: [&str; 4] = ["wheel", "tire", "tyre", "whl"];
-/// Vertical component of an axis above which it is no axle.
+/// Largest vertical component of an axle.
 pub(super) const UPRIGHT: f64 = 0.7;
-/// Distance of the centre of mass from the axle, as a fraction of the radius of gyration, up to which a body is centred.
+/// Largest distance of a wheel's centre of mass from its axle, as a fraction of the radius of gyration.
 const CENTRED: f64 = 0.3;
-/// Distance of the centre of a round shape from the axle, as a fraction of its radius.
+/// Largest distance of a wheel's round shape from its axle, as a fraction of the radius of the shape.
 const ABOUT_AXLE: f64 = 0.2;
-/// Cosine of the angle between a cylinder and the axle above which the cylinder is along it.
+/// Smallest cosine of the angle between the axle and a cylinder along it.
 const ALONG: f64 = 0.95;
 /// Radius of a wheel without shape and inertia, as a fraction of the robot's size.
 const RADIUS_SHARE: f64 = 0.1;

@@ -6,9 +6,9 @@ use super::super::stance::{self, Carried};
 use super::{End, EndKind};
 use nalgebra::{Point3, Vector3};
 
-/// Height of an end above the lowest one, as a fraction of the height of its limb's first joint, up to which both stand.
+/// Largest height of a standing end above the lowest one, as a fraction of the height of its limb's first joint.
 const LEVEL: f64 = 0.25;
-/// Depth of an end below the first joint of its limb, as a fraction of the limb's length, above which the limb hangs.
+/// Smallest depth of a hanging limb's end below its first joint, as a fraction of the limb's length.
 const HANGS: f64 = 0.3;
 /// Largest relative difference in length between limbs that count as equal.
 const SAME_MAKE: f64 = 0.1;

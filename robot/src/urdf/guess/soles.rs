@@ -10,9 +10,9 @@ use nalgebra::{Isometry3, Point3, Unit, Vector3};
 const RADIUS_SHARE: f64 = 0.05;
 /// Distance behind the end of the limb within which shapes touch the ground together, as a fraction of the limb's length.
 const TOGETHER: f64 = 0.03;
-/// Distance from the last axis below which a contact is on it, as a fraction of the limb's length.
+/// Largest distance of a contact on the last axis from this axis, as a fraction of the limb's length.
 const ON_AXIS: f64 = 0.02;
-/// Cosine of the angle between the limb and the vertical above which the foot is below the limb.
+/// Smallest cosine of the angle between the vertical and a limb whose foot is below it.
 const HANGING: f64 = 0.85;
 
 /// Last body of a limb.

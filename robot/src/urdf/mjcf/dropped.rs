@@ -12,7 +12,8 @@ const OTHER_TARGETS: [&str; 5] = ["tendon", "site", "body", "cranksite", "slider
 const SIDES: [&str; 8] =
     ["body1", "site1", "joint1", "tendon1", "body2", "site2", "joint2", "tendon2"];
 
-/// Warns of loops, tendons and actuators that the import drops, one line for each kind. `closed` are those of linkages.
+/// Warns of loops, tendons and actuators that the import drops, one line for each kind. `closed` lists the loops that were
+/// imported as linkages.
 pub fn warn<'a, 'i>(
     root: Node<'a, 'i>,
     closed: &[Node<'a, 'i>],

@@ -10,9 +10,9 @@ const DEPTH: f64 = 0.8;
 /// Depth, and distance outward, of the foot of a leg that stands out radially.
 const RADIAL_DEPTH: f64 = 0.6;
 const RADIAL_OUT: f64 = 0.45;
-/// Vertical component of an axis up to which a joint bends the leg.
+/// Largest vertical component of the axis of a joint that bends the leg.
 const LEVEL: f64 = 0.7;
-/// Cosine of the angle between two axes above which they are parallel.
+/// Smallest cosine of the angle between two parallel axes.
 const PARALLEL: f64 = 0.9;
 
 /// Leg that bends in a vertical plane.

@@ -15,16 +15,16 @@ use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
 pub(super) use legs::{Carried, across, chain};
 
-/// Distance of a foot from its goal up to which the leg reaches it, as a fraction of its length.
+/// Largest distance of a foot from a goal that its leg reaches, as a fraction of the leg's length.
 const MISS: f64 = 0.012;
 /// Distances from hip to foot to try, as fractions of the default. Joint limits keep some legs nearly straight.
 const EASIER: [f64; 4] = [1.0, 1.1, 1.18, 0.8];
 /// Range of depths of a foot below its first bending joint, as fractions of the leg's length, for legs that have to stand as
 /// deep as wheels on rigid axles.
 const DEPTHS: [f64; 2] = [0.3, 0.97];
-/// Height of the first bending joint, as a fraction of the leg's length, above which the leg stands in the keyframe `home`.
+/// Smallest height of the first bending joint of a leg that stands in the keyframe `home`, as a fraction of the leg's length.
 const AT_HOME: f64 = 0.3;
-/// Difference in height of feet that are level at home, as a fraction of the longest leg.
+/// Largest difference in height of feet that are level in the keyframe `home`, as a fraction of the longest leg.
 const LEVEL: f64 = 0.1;
 /// Number of corrections that put two feet below the centre of mass.
 const BALANCING_STEPS: usize = 5;
