@@ -47,7 +47,7 @@ impl<P: Copy + PartialEq> Host<P> {
         }
     }
 
-    /// Passes the controller the next frame of a message that the gateway has segmented.
+    /// Passes the next frame of the gateway's segmented message to the controller.
     pub fn pass_on(&mut self, controller: &mut Core, now_us: u64) {
         if let Some(frame) = self.gateway.poll(now_us) {
             controller.on_link_frame(now_us, &frame);

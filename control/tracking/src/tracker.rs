@@ -36,9 +36,9 @@ pub const KP_PART: f64 = 0.1;
 /// Ratio of the drives' kd during tracking to the kd of the robot file.
 pub const KD_PART: f64 = 0.2;
 
-/// Cosine of the tilt relative to the plan (1 rad) beyond which a robot has fallen.
+/// Cosine of the largest tilt relative to the plan, 1 rad, of a robot that has not fallen.
 const FALLEN_COS: f64 = 0.54;
-/// Drop of the centre of mass beyond which a robot has fallen, as a fraction of the planned height.
+/// Largest drop of the centre of mass of a robot that has not fallen, as a fraction of the planned height.
 const FALLEN_PART: f64 = 0.5;
 
 /// Reason why a tick has no set-points.

@@ -3,9 +3,9 @@
 use super::ServoLimits;
 use rollwalk_protocol::wire::ActuatorReadings;
 
-/// Margin to the highest temperature below which a servo counts as hot, °C.
+/// Largest margin of a hot servo to its highest temperature, °C.
 const HOT_C: f32 = 10.0;
-/// Margin to the lowest supply voltage below which a supply counts as low, as a fraction of that voltage.
+/// Largest margin of a low supply to the lowest supply voltage, as a fraction of that voltage.
 const LOW_SHARE: f32 = 0.05;
 
 /// Temperature and supply voltage, as in `41 °C, 11.9 V`; empty without either.

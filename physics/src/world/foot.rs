@@ -12,7 +12,7 @@ use std::ops::Range;
 const CELLS: usize = 2;
 /// Stiffness of an attached node, as a fraction of a joint's stiffness. Nine nodes are attached.
 pub(super) const ATTACH_SHARE: f64 = 1.0 / 9.0;
-/// Height above the centre, as a fraction of the radius, from which nodes are attached to the link.
+/// Smallest height above the centre of a node that is attached to the link, as a fraction of the radius.
 const ATTACHED: f64 = 0.5;
 
 /// Adds a soft ball in place of a rigid contact, and returns the force indices of its contacts.

@@ -20,7 +20,7 @@ const FALLEN_SHARE: f64 = 0.25;
 /// Time constant of the mean for [`FALLEN_SHARE`], s. The impact of a knee takes some hundredths of a second, so that even a
 /// hard impact is no fall.
 const SHARE_S: f64 = 0.5;
-/// Tilt from the starting attitude up to which a robot that may lie down has not fallen, rad. Motions lay the body down level.
+/// Largest tilt from the starting attitude of a robot that lies on purpose, rad. Motions lay the body down level.
 const LEVEL_RAD: f64 = 0.35;
 /// Largest height above the ground of a body that lies at the start, as a fraction of the height of the centre of mass.
 const ON_BODY_HEIGHT: f64 = 0.02;

@@ -20,12 +20,12 @@ use std::ops::Range;
 
 /// Maximum number of requests in a diagnosis, which also names up to one limit and one property of the robot.
 const REQUESTS: usize = 2;
-/// Violation of a family, as a fraction of the largest violation of any family, above which the diagnosis names the family even
-/// without a feasible value.
+/// Smallest violation of a family that the diagnosis names even without a feasible value, as a fraction of the largest violation
+/// of any family.
 const LEAST_SHARE: f64 = 0.05;
-/// Smallest sum of the violations of [`FOOTFALLS`], as a fraction of the largest violation of a family, above which the diagnosis
-/// names one of them. Their violations are added, because lack of balance, long flights and feet off the ground violate all of
-/// them.
+/// Smallest sum of the violations of [`FOOTFALLS`] for which the diagnosis names one of them, as a fraction of the largest
+/// violation of a family. Their violations are added, because lack of balance, long flights and feet off the ground violate all
+/// of them.
 const LEAST_OF_FOOTFALLS: f64 = 0.3;
 /// Constraints that are violated if the footfalls are infeasible.
 const FOOTFALLS: [Family; 3] =

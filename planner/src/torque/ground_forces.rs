@@ -24,7 +24,7 @@ use rollwalk_robot::EndEffector;
 const WRENCH_WEIGHT: f64 = 1e4;
 /// Accuracy of the solver. With its default tolerances of 1e-8, forces of 60 N are off by up to 1 mN.
 const ACCURACY: Accuracy = Accuracy { tolerance: 1e-10, regularisation: 1e-12 };
-/// Height up to which a contact of a converged plan is on the ground, m: a fifth of the tolerance.
+/// Largest height of a contact on the ground in a converged plan, m: a fifth of the tolerance.
 const ON_GROUND_M: f64 = 0.0002;
 /// Height above [`ON_GROUND_M`] at which a foot that lifts off or lands carries half of its force on the ground, m.
 const CARRIES_HALF_AT_M: f64 = 0.0005;

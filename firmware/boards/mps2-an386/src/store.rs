@@ -22,7 +22,7 @@ pub struct Stores {
     /// Library store.
     pub libraries: Libraries,
     /// Flash of the boot counter. Its content is lost when the emulator ends.
-        pub boots: Flash<BOOTS>,
+    pub boots: Flash<BOOTS>,
 }
 
 struct Psram<const N: usize>(UnsafeCell<[u8; N]>);

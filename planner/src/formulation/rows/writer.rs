@@ -51,7 +51,7 @@ pub enum Evaluation<'a> {
     All,
     /// Values alone.
     Values,
-    /// Values alone, for a problem other than the source of the pattern and of the reused rows.
+    /// Values alone. The pattern and the reused rows come from another problem.
     Again,
     /// Derivatives of the rows whose flags are set, at a point whose values are known.
     Derivatives(&'a [bool]),

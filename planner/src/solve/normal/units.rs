@@ -115,7 +115,7 @@ impl Unit {
         unit
     }
 
-    /// Returns true if each row of the unit, and a row with the given columns, would have most of the unit's columns.
+    /// Returns true if each row of the unit, one with the given columns included, would have most columns of the unit.
     fn accepts(&self, columns: &[usize]) -> bool {
         let is_new = |column: &&usize| self.columns.binary_search(column).is_err();
         let together = self.columns.len() + columns.iter().filter(is_new).count();
