@@ -46,6 +46,7 @@ pub use clearance::ClearancePair;
 pub use contact::{Contact, RollingDrag};
 pub use linkage::{CrankMap, CrankState};
 pub use model::{EndEffector, Joint, JointRatio, Link, Linkage, Robot, SoftMaterial};
+pub use pose::roll_pitch_yaw;
 pub use rules::{InvalidRobot, Item, Violation};
 pub use solid::{Form, Solid};
 pub use spring::JointSpring;

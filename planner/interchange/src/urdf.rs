@@ -9,9 +9,9 @@ use crate::bodies::{
     Blades, Body, Geometry, Hinge, HingeOrigin, Names, PlacedSolid, Role, WORLD, bodies,
 };
 use crate::xml::{Xml, numbers, vector};
-use nalgebra::{Isometry3, Matrix3};
+use nalgebra::Isometry3;
 use rollwalk_multibody::RigidPart;
-use rollwalk_robot::{Ratios, Robot, Solid};
+use rollwalk_robot::{Ratios, Robot, Solid, roll_pitch_yaw};
 use std::io;
 
 /// Writes a robot as URDF. `parts` are the solids of each link, for pictures.
@@ -178,36 +178,6 @@ fn joint(
 
 fn origin(xml: &mut Xml, pose: &Isometry3<f64>) -> io::Result<()> {
     let xyz = vector(&pose.translation.vector);
-    let rpy = numbers(&roll_pitch_yaw(&pose.rotation.to_rotation_matrix().into_inner()));
+    let rpy = numbers(&roll_pitch_yaw(&pose.rotation));
     xml.empty("origin", &[("xyz", xyz), ("rpy", rpy)])
-}
-
-/// Roll, pitch and yaw of a rotation, rad: R = Rz(yaw) Ry(pitch) Rx(roll).
-fn roll_pitch_yaw(r: &Matrix3<f64>) -> [f64; 3] {
-    let pitch = (-r[(2, 0)]).atan2(r[(0, 0)].hypot(r[(1, 0)]));
-    // At a pitch near a right angle, any roll is right together with the remaining yaw.
-    let roll = r[(2, 1)].atan2(r[(2, 2)]);
-    let (s, c) = roll.sin_cos();
-    let yaw = (r[(0, 2)] * s - r[(0, 1)] * c).atan2(r[(1, 1)] * c - r[(1, 2)] * s);
-    [roll, pitch, yaw]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::roll_pitch_yaw;
-    use nalgebra::{Rotation3, Vector3};
-    use std::f64::consts::FRAC_PI_2;
-
-    #[test]
-    fn angles_give_their_rotation_back() {
-        for axis in [Vector3::x(), Vector3::y(), Vector3::z(), Vector3::new(0.3, -0.5, 0.8)] {
-            for angle in [0.0, 1e-9, 0.4, FRAC_PI_2, FRAC_PI_2 + 1e-13, 3.0, -FRAC_PI_2, -3.1] {
-                let r = Rotation3::from_axis_angle(&nalgebra::Unit::new_normalize(axis), angle);
-                let [roll, pitch, yaw] = roll_pitch_yaw(r.matrix());
-                let back = Rotation3::from_euler_angles(roll, pitch, yaw);
-                let error = (back.matrix() - r.matrix()).norm();
-                assert!(error < 1e-11, "{axis:?} {angle}: {error}");
-            }
-        }
-    }
 }

@@ -3,6 +3,7 @@
 use super::draft::{Draft, DraftSheet, Motor, Origin};
 use super::side::NUMBERS;
 use super::toml_text::{array, comment, key, quoted, show};
+use crate::pose::roll_pitch_yaw;
 use crate::shape::Shape;
 use nalgebra::Vector3;
 use rollwalk_protocol::crc::crc32c_append;
@@ -63,8 +64,8 @@ pub(super) fn emit(draft: &Draft, sources: [&str; 2]) -> Emitted {
             "origin_in_parent_m = {}",
             array(pose.translation.vector.as_slice())
         ));
-        let (roll, pitch, yaw) = pose.rotation.euler_angles();
-        let rpy = [roll, pitch, yaw].map(|angle| if angle.abs() < 1e-12 { 0.0 } else { angle });
+        let rpy = roll_pitch_yaw(&pose.rotation);
+        let rpy = rpy.map(|angle| if angle.abs() < 1e-12 { 0.0 } else { angle });
         if rpy != [0.0; 3] {
             out.line(format_args!("origin_rpy_rad = {}", array(&rpy)));
         }

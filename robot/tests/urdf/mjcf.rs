@@ -34,6 +34,28 @@ fn a_body_with_two_joints_has_a_link_between_them() {
     assert_eq!(limits, [-60.0, 60.0]);
 }
 
+/// The hip of HyQReal 2 is turned by half a turn about x - z, where roll and yaw are not unique.
+#[test]
+fn frames_at_a_pitch_of_a_right_angle_keep_their_directions() {
+    for (quat, left_m) in [("0 0.707107 0 -0.707107", 0.16), ("0.707107 0 0.707107 0", -0.16)] {
+        let leg = format!(
+            "<body name=\"hip\" quat=\"{quat}\"><joint name=\"roll\" axis=\"0 0 1\" range=\"-30 30\"/><geom size=\"0.05\" mass=\"1\"/>\
+             <body name=\"thigh\" pos=\"0 -0.16 0\"><joint name=\"pitch\" axis=\"0 1 0\" range=\"-60 60\"/><geom size=\"0.05\" mass=\"1\"/></body></body>"
+        );
+        let text = trunk(&leg);
+        let side = surveyed(&text).unwrap().template;
+        let texts = [("robot.xml", &*text), ("side.toml", &*side)];
+        let [model, side] = texts.map(|(name, text)| Text { name, text });
+        let robot = import(model, side).unwrap().robot;
+        let [hip, thigh] = &robot.joints[..] else { panic!("{:?}", robot.joints) };
+        let at = hip.parent_from_joint * thigh.parent_from_joint.translation.vector;
+        assert!((at - nalgebra::Vector3::new(0.0, left_m, 0.0)).norm() < 1e-6, "{quat}: {at}");
+        let forward = hip.parent_from_joint * hip.axis_in_joint;
+        let ahead = if left_m > 0.0 { -1.0 } else { 1.0 };
+        assert!((forward - nalgebra::Vector3::new(ahead, 0.0, 0.0)).norm() < 1e-6, "{forward}");
+    }
+}
+
 #[test]
 fn joints_without_range_turn_without_end_and_radians_are_asked_for() {
     let leg = |compiler: &str, joint: &str| {
