@@ -76,9 +76,7 @@ impl<'a> Conversion<'a, '_> {
         let axes: Vec<_> =
             self.bodies.moving.iter().map(|m| self.urdf.joints[m.joint].axis).collect();
         let poses = poses(self.bodies, &axes, &angles);
-        let down: Vec<_> =
-            poses.iter().map(|pose| pose.rotation.inverse() * -Vector3::z()).collect();
-        let links = self.links(rigid, &tips, &down);
+        let links = self.links(rigid, &tips, &poses);
         let mass_kg: f64 = links.iter().map(|link| link.mass.mass_kg).sum();
         let mut motors = Motors::new(self.side, mass_kg * GRAVITY_M_S2);
         let limbs = limbs(self.bodies);
@@ -219,7 +217,7 @@ impl<'a> Conversion<'a, '_> {
             let (body, body_from_link) = self.body_and_pose(self.link_of(end)?)?;
             let center = Point3::from(Vector3::from(end.center_m.unwrap_or_default()));
             let center_m = (body_from_link * center).coords;
-            Some(Tip { body, center_m, radius_m: end.radius_m })
+            Some(Tip { body, center_m, radius_m: end.radius_m, is_sole: false })
         };
         self.side.end_effectors.iter().filter_map(tip).collect()
     }
@@ -286,11 +284,11 @@ impl<'a> Conversion<'a, '_> {
     }
 
     /// Links with their shapes. `down` has the vertical in the frame of each body.
-    fn links(&mut self, rigid: &Rigid, tips: &[Tip], down: &[Vector3<f64>]) -> Vec<DraftLink> {
+    fn links(&mut self, rigid: &Rigid, tips: &[Tip], poses: &[Isometry3<f64>]) -> Vec<DraftLink> {
         let mut names = Names::default();
         let urdf = self.urdf;
         let wheels = rigid.wheels.iter().map(|&axle| urdf.joints[axle].child.clone()).collect();
-        let shapes = shapes(urdf, self.bodies, &wheels, tips, down, self.notes);
+        let shapes = shapes(urdf, self.bodies, &wheels, tips, poses, self.notes);
         let bodies = self.bodies.bodies.iter().zip(shapes);
         let link = |(body, shapes): (&super::bodies::Body, Vec<Shape>)| {
             let first = &urdf.links[body.links[0]];

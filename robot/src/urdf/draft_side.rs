@@ -165,7 +165,7 @@ impl Site<'_> {
         let tip = |end: End| {
             let (body, pose) = bodies.places[end.link]?;
             let center_m = (pose * Point3::from(end.center_in_link_m)).coords;
-            Some(End { tip: Tip { body, center_m, radius_m: end.radius_m }, ..end })
+            Some(End { tip: Tip { body, center_m, ..end.tip }, ..end })
         };
         let ends = ends.into_iter().filter_map(tip).collect();
         Guess { rigid, bodies, axles, ends }

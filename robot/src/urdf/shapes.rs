@@ -7,7 +7,7 @@ use super::bodies::Bodies;
 use super::model::{Link, Solid, Urdf};
 use super::names::some_names;
 use super::notes::Notes;
-use super::stance::Tip;
+use super::stance::{self, Tip};
 use crate::file::parts::MassProperties;
 use crate::shape::Shape;
 use nalgebra::{Isometry3, Point3, Rotation3, UnitQuaternion, Vector3};
@@ -25,6 +25,8 @@ const PART_OF_TIP: f64 = 0.1;
 const GROUND_SHARE: f64 = 0.1;
 /// Smallest depth of the top of a foot's sole below the body's joint, as a fraction of the depth of the ground.
 const SOLE_SHARE: f64 = 0.5;
+/// Height above the ground of a guessed box of the body that is shortened, as a fraction of the height of its top.
+const BODY_ROOM: f64 = 0.1;
 /// Largest plausible size of the box of an inertia, as a multiple of the robot's size.
 const BOX_MAX: f64 = 5.0;
 /// Largest radius of a capsule in robot files, m.
@@ -32,15 +34,18 @@ const RADIUS_MAX_M: f64 = 1.0;
 /// Reciprocal cosine of the largest lean of a leg, 60°, at which its foot still touches the ground first.
 const LEAN: f64 = 2.0;
 
-/// Shapes of all bodies. Notes the meshes that a box replaces.
+/// Shapes of all bodies. Notes the meshes that a box replaces. `poses` are those of the nominal pose in the frame of the root.
 pub(super) fn shapes(
     urdf: &Urdf,
     bodies: &Bodies,
     wheels: &HashSet<String>,
     tips: &[Tip],
-    down: &[Vector3<f64>],
+    poses: &[Isometry3<f64>],
     notes: &mut Notes<'_>,
 ) -> Vec<Vec<Shape>> {
+    let down: Vec<_> = poses.iter().map(|pose| pose.rotation.inverse() * -Vector3::z()).collect();
+    let ground_m = tips.iter().map(|tip| stance::at(poses, tip).z - tip.radius_m);
+    let ground_m = ground_m.reduce(f64::min).unwrap_or(f64::NEG_INFINITY);
     let robot_m = bodies.size_m();
     // A robot with one link has no size.
     let largest_m = if robot_m > 0.0 { BOX_MAX * robot_m } else { f64::INFINITY };
@@ -57,17 +62,17 @@ pub(super) fn shapes(
                 continue;
             }
             let solids = of_solids(link, body_from_link, index == 0);
-            let above =
+            let on_foot =
                 |shape| tips.iter().try_fold(shape, |shape, tip| trimmed(shape, tip, &down[index]));
-            shapes.extend(solids.filter_map(above));
+            shapes.extend(solids.filter_map(on_foot));
             if link.shapes.iter().any(|shape| shape.collision && shape.solid == Solid::Mesh) {
                 let guess = of_inertia(link, body_from_link, index == 0, largest_m);
                 if guess.is_none() {
                     shapeless.push(link);
                 }
-                shapes.extend(guess.and_then(|shape| {
-                    tips.iter().try_fold(shape, |shape, tip| behind(shape, tip))
-                }));
+                let guess = guess
+                    .and_then(|shape| tips.iter().try_fold(shape, |shape, tip| behind(shape, tip)));
+                shapes.extend(guess.and_then(|shape| above(shape, ground_m)));
                 meshes.push(link);
             }
         }
@@ -165,6 +170,17 @@ fn behind(shape: Shape, tip: &Tip) -> Option<Shape> {
     let length_m = (near - far).norm().min((way_m - room_m).max(0.0));
     let to_in_link_m = far + along * length_m;
     Some(Shape::Capsule { from_in_link_m: far, to_in_link_m, radius_m })
+}
+
+/// Shortens a guessed box of the body that reaches into the ground. Returns `None` for a box below the ground.
+fn above(shape: Shape, ground_m: f64) -> Option<Shape> {
+    let Shape::Box { mut center_in_link_m, mut size_m } = shape else { return Some(shape) };
+    let [bottom_m, top_m] = [-0.5, 0.5].map(|share| center_in_link_m.z + share * size_m.z);
+    if bottom_m < ground_m {
+        let bottom_m = ground_m + BODY_ROOM * (top_m - ground_m);
+        (center_in_link_m.z, size_m.z) = (0.5 * (top_m + bottom_m), top_m - bottom_m);
+    }
+    (size_m.z > 0.0).then_some(Shape::Box { center_in_link_m, size_m })
 }
 
 /// Capsule with ends at ± `half` in the frame of `pose`.
@@ -283,7 +299,8 @@ mod tests {
             to_in_link_m: Vector3::new(0.01, 0.0, to),
             radius_m,
         };
-        let tip = Tip { body: 1, center_m: Vector3::new(0.0, 0.0, -0.2), radius_m: 0.02 };
+        let tip =
+            Tip { body: 1, center_m: Vector3::new(0.0, 0.0, -0.2), radius_m: 0.02, is_sole: false };
         // The shin leans by 60° to each side, and its foot touches first.
         for (from, to) in [(0.0, -0.23), (-0.23, 0.0)] {
             let shin = behind(line(from, to, 0.025), &tip).unwrap();
@@ -308,6 +325,27 @@ mod tests {
     }
 
     #[test]
+    fn a_guessed_box_of_the_body_ends_above_the_ground() {
+        let of = |from: f64, to: f64| Shape::Box {
+            center_in_link_m: Vector3::new(0.1, 0.0, 0.5 * (from + to)),
+            size_m: Vector3::new(0.3, 0.2, to - from),
+        };
+        let cut = |from: f64, to: f64, ground_m: f64| match above(of(from, to), ground_m) {
+            Some(Shape::Box { center_in_link_m, size_m }) => {
+                let half_m = 0.5 * size_m.z;
+                Some([center_in_link_m.z - half_m, center_in_link_m.z + half_m])
+            }
+            other => other.map(|_| [0.0; 2]),
+        };
+        let [bottom_m, top_m] = cut(-0.01, 0.19, -0.01).unwrap();
+        assert!((bottom_m - 0.01).abs() < 1e-12 && (top_m - 0.19).abs() < 1e-12);
+        assert_eq!(above(of(0.1, 0.2), 0.0), Some(of(0.1, 0.2)));
+        assert_eq!(cut(-0.2, -0.1, -0.05), None);
+        // A robot without feet has no ground.
+        assert_eq!(above(of(-0.2, 0.3), f64::NEG_INFINITY), Some(of(-0.2, 0.3)));
+    }
+
+    #[test]
     fn small_shapes_inside_others_go() {
         let line = |from: f64, to: f64, radius_m| Shape::Capsule {
             from_in_link_m: Vector3::new(from, 0.0, 0.0),
@@ -316,7 +354,8 @@ mod tests {
         };
         let (long, inner, beside) =
             (line(0.0, 1.0, 0.1), line(0.2, 0.9, 0.05), line(0.9, 1.2, 0.05));
-        let tip = Tip { body: 1, center_m: Vector3::new(3.0, 0.0, 0.0), radius_m: 0.02 };
+        let tip =
+            Tip { body: 1, center_m: Vector3::new(3.0, 0.0, 0.0), radius_m: 0.02, is_sole: false };
         let foot = line(3.0, 3.0, 0.021);
         let kept = thinned(vec![inner, beside, long, foot], &[&tip]);
         assert_eq!(kept, [long, beside]);

@@ -1,6 +1,7 @@
 //! Survey of a URDF: its contents, and a first side file for it.
 
 use super::draft_side::{self, Draft};
+use super::guess::End;
 use super::model::{Kind, MOVING_MAX, Urdf};
 use super::names::{self, Names};
 use super::notes::Notes;
@@ -8,7 +9,9 @@ use super::side::{self, AXES, Side};
 use super::stance::{self, Stance};
 use super::{Text, remarks, template, tree, xml};
 use crate::document::{Document, DocumentError};
+use nalgebra::{Point3, Vector3};
 use rollwalk_protocol::config::MAX_CHANNELS;
+use rollwalk_protocol::library::MAX_NAME;
 use serde::Serialize;
 
 /// Contents of a URDF, with guesses.
@@ -142,7 +145,7 @@ fn finished(
 ) -> Survey {
     let moving: Vec<_> =
         draft.bodies.moving.iter().map(|moving| &read.joints[moving.joint]).collect();
-    let names = end_names(stance, draft, read);
+    let contacts = contacts(stance, draft, read);
     let joints = tree.order.iter().map(|&index| (index, &read.joints[index]));
     let joints = joints.filter(|(_, joint)| joint.kind != Kind::Fixed).map(|(index, joint)| {
         let position = moving.iter().position(|moving| moving.name == joint.name);
@@ -160,18 +163,15 @@ fn finished(
         }
     });
     let joints: Vec<_> = joints.collect();
-    let end_effectors: Vec<_> = draft
-        .ends
+    let end_effectors: Vec<_> = contacts
         .iter()
-        .zip(&names)
-        .zip(&stance.tips_m)
-        .map(|((end, name), center)| SurveyEnd {
-            name: name.clone(),
-            link: read.links[end.link].name.clone(),
-            contact: end.kind.contact().to_owned(),
-            radius_m: end.radius_m,
-            measured: end.measured,
-            center_m: (*center).into(),
+        .map(|contact| SurveyEnd {
+            name: contact.name.clone(),
+            link: read.links[contact.end.link].name.clone(),
+            contact: contact.end.kind.contact().to_owned(),
+            radius_m: contact.end.radius_m,
+            measured: contact.end.measured,
+            center_m: contact.center_m.into(),
         })
         .collect();
     let lowest = stance.tips_m.iter().zip(&draft.ends).map(|(tip, end)| tip.z - end.radius_m);
@@ -185,7 +185,7 @@ fn finished(
         draft,
         moving: &moving,
         stance,
-        ends: draft.ends.iter().zip(&names).collect(),
+        contacts: &contacts,
         base: draft_side::base(tree.root, draft, stance),
     });
     let axes = draft.heading.axes;
@@ -203,12 +203,45 @@ fn finished(
     }
 }
 
-/// Names of end effectors: `front_left` and so on for four in four corners, as named gaits require, else those of their
-/// links.
+/// Contact of a foot or wheel with the ground.
+pub(super) struct Contact<'a> {
+    pub end: &'a End,
+    pub name: String,
+    pub center_in_link_m: Vector3<f64>,
+    /// Centre in the frame of the root, m.
+    center_m: Vector3<f64>,
+}
+
+/// Contacts of all feet and wheels: one for each, or those of its sole.
+fn contacts<'a>(stance: &Stance, draft: &'a Draft, urdf: &Urdf) -> Vec<Contact<'a>> {
+    let names = end_names(stance, draft, urdf);
+    let mut used = Names::default();
+    let mut contacts = Vec::new();
+    for ((end, name), &center_m) in draft.ends.iter().zip(names).zip(&stance.tips_m) {
+        if end.sole.is_empty() {
+            let center_in_link_m = end.center_in_link_m;
+            let name = used.unique(&name);
+            contacts.push(Contact { end, name, center_in_link_m, center_m });
+        }
+        for corner in &end.sole {
+            let suffix = corner.part.suffix();
+            let kept = name.len().min(MAX_NAME - suffix.len() - 1);
+            let name = used.unique(&format!("{}_{suffix}", &name[..kept]));
+            let center_in_link_m = corner.center_in_link_m;
+            let Some((body, pose)) = draft.bodies.places[end.link] else { continue };
+            let in_root = stance.poses[body] * pose * Point3::from(center_in_link_m);
+            contacts.push(Contact { end, name, center_in_link_m, center_m: in_root.coords });
+        }
+    }
+    contacts
+}
+
+/// Names of feet and wheels: `front_left` and so on for four in four corners, as named gaits require, `left` and `right` for two
+/// soles, else those of their links.
 fn end_names(stance: &Stance, draft: &Draft, urdf: &Urdf) -> Vec<String> {
     let count = stance.tips_m.len() as f64;
-    let middle = stance.tips_m.iter().sum::<nalgebra::Vector3<f64>>() / count;
-    let corner = |tip: &nalgebra::Vector3<f64>| {
+    let middle = stance.tips_m.iter().sum::<Vector3<f64>>() / count;
+    let corner = |tip: &Vector3<f64>| {
         let end = if tip.x > middle.x { "front" } else { "rear" };
         let side = if tip.y > middle.y { "left" } else { "right" };
         format!("{end}_{side}")
@@ -219,6 +252,14 @@ fn end_names(stance: &Stance, draft: &Draft, urdf: &Urdf) -> Vec<String> {
     distinct.dedup();
     if distinct.len() == 4 && corners.len() == 4 {
         return corners;
+    }
+    if let [one, other] = &draft.ends[..]
+        && !one.sole.is_empty()
+        && !other.sole.is_empty()
+        && let [Some(one), Some(other)] = [0, 1].map(|index| corners[index].split_once('_'))
+        && one.1 != other.1
+    {
+        return [one.1, other.1].map(String::from).to_vec();
     }
     let mut names = Names::default();
     let links = draft.ends.iter().map(|end| &urdf.links[end.link].name);

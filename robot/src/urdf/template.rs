@@ -1,11 +1,12 @@
 //! Text of a first side file, with a comment on every guess.
 
 use super::draft_side::{Base, Draft};
-use super::guess::{End, EndKind};
+use super::guess::EndKind;
 use super::joints::{has_degrees, position_limits};
 use super::model::{Joint, Kind, Urdf};
 use super::side::{AXES, EndEffectorSide, MotorSide, NUMBERS, Side};
 use super::stance::Stance;
+use super::survey::Contact;
 use super::toml_text::{array, comment, key, quoted, show};
 use std::fmt::Write;
 
@@ -21,7 +22,7 @@ pub(super) struct Content<'a> {
     /// Joints that stay joints, with their angles in `stance`.
     pub moving: &'a [&'a Joint],
     pub stance: &'a Stance,
-    pub ends: Vec<(&'a End, &'a String)>,
+    pub contacts: &'a [Contact<'a>],
     /// Contact of a robot without feet and wheels.
     pub base: Option<Base>,
 }
@@ -53,7 +54,7 @@ pub(super) fn template(content: &Content<'_>) -> String {
     } else if let Some(base) = content.base {
         base_end(&mut text, content, &base);
     } else {
-        content.ends.iter().for_each(|(end, name)| guessed_end(&mut text, content, end, name));
+        content.contacts.iter().for_each(|contact| guessed_end(&mut text, content, contact));
     }
     text
 }
@@ -158,8 +159,9 @@ fn limits(urdf: &Urdf, joint: &Joint) -> Option<[f64; 2]> {
     differs.then_some([min, max])
 }
 
-fn guessed_end(text: &mut String, content: &Content<'_>, end: &End, name: &str) {
-    begin_end(text, name, end.kind.contact());
+fn guessed_end(text: &mut String, content: &Content<'_>, contact: &Contact<'_>) {
+    let end = contact.end;
+    begin_end(text, &contact.name, end.kind.contact());
     match end.axle {
         Some(axle) => {
             let joint = quoted(&content.urdf.joints[axle].name);
@@ -167,7 +169,7 @@ fn guessed_end(text: &mut String, content: &Content<'_>, end: &End, name: &str) 
         }
         None => line(text, format_args!("link = {}", quoted(&content.urdf.links[end.link].name))),
     }
-    line(text, format_args!("center_in_link_m = {}", array(end.center_in_link_m.as_slice())));
+    line(text, format_args!("center_in_link_m = {}", array(contact.center_in_link_m.as_slice())));
     let source = match end.measured {
         true => "from its shape in the model",
         false => "the model has no shape there: measure it",

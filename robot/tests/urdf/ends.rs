@@ -169,55 +169,91 @@ fn legs_get_their_buses_before_arms() {
     assert_eq!(buses, [0, 0, 1, 1, 2]);
 }
 
-/// Two legs with soles, two arms beside them and a head.
-fn humanoid(sole: &str) -> String {
+/// Two legs with soles and two arms beside them. With `rolls`, hips and ankles also turn about the forward axis.
+fn humanoid(sole: &str, rolls: bool) -> Made {
     let mut made = Made::default();
     made.link("torso", 20.0, [0.0, 0.0, 0.3], 0.5, &cuboid([0.2, 0.3, 0.5], [0.0, 0.0, 0.3]));
     for (side, y) in [("left", 0.1), ("right", -0.1)] {
         let name = |part: &str| format!("{side}_{part}");
+        let knee = "lower=\"0\" upper=\"2.5\" effort=\"80\" velocity=\"9\"";
+        let (pitch, roll) = ([0.0, 1.0, 0.0], [1.0, 0.0, 0.0]);
+        let (mut hip, mut hip_at, mut foot, mut ankle_at) =
+            ("torso".to_owned(), [0.0, y, 0.0], name("shank"), [0.0, 0.0, -0.4]);
         made.link(&name("thigh"), 3.0, [0.0, 0.0, -0.2], 0.05, "");
         made.link(&name("shank"), 2.0, [0.0, 0.0, -0.2], 0.03, "");
         made.link(&name("end"), 0.8, [0.02, 0.0, -0.05], 2e-3, sole);
-        let knee = "lower=\"0\" upper=\"2.5\" effort=\"80\" velocity=\"9\"";
-        made.joint(
-            "revolute",
-            [&name("hip"), "torso", &name("thigh")],
-            [0.0, y, 0.0],
-            [0.0, 1.0, 0.0],
-            WIDE,
-        );
-        made.joint(
-            "revolute",
-            [&name("knee"), &name("thigh"), &name("shank")],
-            [0.0, 0.0, -0.4],
-            [0.0, 1.0, 0.0],
-            knee,
-        );
-        made.joint(
-            "revolute",
-            [&name("ankle"), &name("shank"), &name("end")],
-            [0.0, 0.0, -0.4],
-            [0.0, 1.0, 0.0],
-            WIDE,
-        );
+        if rolls {
+            for (joint, parent, child, at) in [
+                ("hip_roll", &mut hip, "hip_link", &mut hip_at),
+                ("ankle_roll", &mut foot, "ankle_link", &mut ankle_at),
+            ] {
+                made.link(&name(child), 0.3, [0.0; 3], 1e-3, "");
+                made.joint("revolute", [&name(joint), parent, &name(child)], *at, roll, WIDE);
+                (*parent, *at) = (name(child), [0.0; 3]);
+            }
+        }
+        made.joint("revolute", [&name("hip"), &hip, &name("thigh")], hip_at, pitch, WIDE);
+        let ends = [name("knee"), name("thigh"), name("shank")];
+        made.joint("revolute", ends.each_ref().map(String::as_str), [0.0, 0.0, -0.4], pitch, knee);
+        made.joint("revolute", [&name("ankle"), &foot, &name("end")], ankle_at, pitch, WIDE);
         made.link(&name("arm"), 1.5, [0.0, 0.0, -0.15], 0.02, "");
         made.link(&name("hand"), 0.8, [0.0, 0.0, -0.15], 5e-3, &ball(0.04, [0.0, 0.0, -0.25]));
+        let ends = [name("shoulder"), "torso".to_owned(), name("arm")];
         made.joint(
             "revolute",
-            [&name("shoulder"), "torso", &name("arm")],
+            ends.each_ref().map(String::as_str),
             [0.0, 2.0 * y, 0.5],
-            [0.0, 1.0, 0.0],
+            pitch,
             WIDE,
         );
-        made.joint(
-            "revolute",
-            [&name("elbow"), &name("arm"), &name("hand")],
-            [0.0, 0.0, -0.3],
-            [0.0, 1.0, 0.0],
-            WIDE,
-        );
+        let ends = [name("elbow"), name("arm"), name("hand")];
+        made.joint("revolute", ends.each_ref().map(String::as_str), [0.0, 0.0, -0.3], pitch, WIDE);
     }
-    made.urdf()
+    made
+}
+
+#[test]
+fn a_sole_lies_flat_and_points_forward_although_its_hip_is_oblique() {
+    // The hip's axes are turned by 15° about the forward and the vertical axis.
+    let mut made = humanoid(&cuboid([0.2, 0.08, 0.03], [0.03, 0.0, -0.065]), true);
+    for side in ["left", "right"] {
+        let joint = format!("<joint name=\"{side}_hip\"");
+        let (before, after) = made.text.split_once(&joint).unwrap();
+        let turned = after.replacen("xyz=\"0 1 0\"", "xyz=\"0.25 0.93 0.25\"", 1);
+        made.text = format!("{before}{joint}{turned}");
+    }
+    let found = imported(&made.urdf()).0;
+    let bottoms = found.end_effectors.iter().map(|end| end.center_m[2] - end.radius_m);
+    let [low, high] = [bottoms.clone().reduce(f64::min), bottoms.reduce(f64::max)];
+    assert!(high.unwrap() - low.unwrap() < 1e-3, "{found:?}");
+    let [toe, _, heel, _] = &found.end_effectors[..4] else { panic!("{found:?}") };
+    assert!((toe.center_m[1] - heel.center_m[1]).abs() < 0.03, "{found:?}");
+}
+
+#[test]
+fn a_sole_from_a_wrong_inertia_is_a_point() {
+    let heavy = humanoid("", true).urdf().replace("ixx=\"0.002\"", "ixx=\"1\"");
+    let heavy = heavy.replace("iyy=\"0.002\"", "iyy=\"1\"").replace("izz=\"0.002\"", "izz=\"1\"");
+    assert_eq!(imported(&heavy).1.end_effectors.len(), 2);
+}
+
+/// Contacts of a foot in the frame of its link: name, and the sphere's centre without its radius inward and up.
+fn sole_of(
+    robot: &rollwalk_robot::Robot,
+    foot: &str,
+    middle: [f64; 2],
+) -> Vec<(String, Vector3<f64>)> {
+    let of_foot = robot.end_effectors.iter().filter(|end| end.name.starts_with(foot));
+    of_foot
+        .map(|end| {
+            let at = end.center_in_link_m;
+            let out = |axis: usize| match at[axis] - middle[axis] {
+                away if away.abs() < 1e-9 => 0.0,
+                away => end.radius_m.copysign(away),
+            };
+            (end.name.clone(), at + Vector3::new(out(0), out(1), -end.radius_m))
+        })
+        .collect()
 }
 
 #[test]
@@ -227,33 +263,93 @@ fn a_humanoid_stands_level_on_its_soles_below_its_centre_of_mass() {
         + &solid(rod, [0.03, -0.02, -0.06], [0.0, std::f64::consts::FRAC_PI_2, 0.0]);
     let dots: String = [0.1, -0.04]
         .iter()
-        .map(|x| ball(0.01, [*x, 0.02, -0.07]) + &ball(0.01, [*x, -0.02, -0.07]))
+        .map(|x| ball(0.002, [*x, 0.02, -0.078]) + &ball(0.002, [*x, -0.02, -0.078]))
         .collect();
-    for (sole, bottom_m, radius_m) in [
-        (cuboid([0.2, 0.08, 0.03], [0.03, 0.0, -0.065]), -0.08, 0.015),
-        (lying, -0.08, 0.02),
-        (dots, -0.08, 0.01),
+    for (sole, [toe, side]) in [
+        (cuboid([0.2, 0.08, 0.03], [0.03, 0.0, -0.065]), [0.1, 0.04]),
+        // Rods end in balls of 20 mm.
+        (lying, [0.08, 0.02]),
+        (dots, [0.07, 0.02]),
     ] {
-        let (found, robot) = imported(&humanoid(&sole));
-        assert_eq!(
-            contacts(&found),
-            [("left_end", "point_foot"), ("right_end", "point_foot")],
-            "{sole}"
-        );
-        for end in &robot.end_effectors {
-            assert!((end.radius_m - radius_m).abs() < 1e-12, "{sole}: {}", end.radius_m);
-            let at = end.center_in_link_m;
-            assert!(
-                (at - Vector3::new(0.03, 0.0, bottom_m + radius_m)).norm() < 1e-9,
-                "{sole}: {at}"
-            );
+        for rolls in [true, false] {
+            let (found, robot) = imported(&humanoid(&sole, rolls).urdf());
+            let mut expected = vec![];
+            let sides: &[(&str, f64)] =
+                if rolls { &[("_left", 1.0), ("_right", -1.0)] } else { &[("", 0.0)] };
+            for (end, fore) in [("left_toe", 1.0), ("left_heel", -1.0)] {
+                for (name, left) in sides {
+                    let at = Vector3::new(0.03 + fore * toe, left * side, -0.08);
+                    expected.push((format!("{end}{name}"), at));
+                }
+            }
+            let sole = sole_of(&robot, "left", [0.03, 0.0]);
+            assert_eq!(robot.end_effectors.len(), 2 * expected.len());
+            for ((name, at), (expected_name, expected_at)) in sole.iter().zip(&expected) {
+                assert_eq!(name, expected_name);
+                // Balls lie below their centre, others reach out to the edge.
+                let radius_m = robot.end_effectors[0].radius_m;
+                let apart = at - expected_at;
+                assert!(apart.z.abs() < 1e-9 && apart.xy().norm() < 1.5 * radius_m, "{name}: {at}");
+            }
+            let angle = |name: &str| {
+                robot.joints.iter().find(|joint| joint.name == name).unwrap().nominal_rad
+            };
+            let turned = angle("left_hip") + angle("left_knee") + angle("left_ankle");
+            assert!(turned.abs() < 5e-3 && angle("left_knee") > 0.3, "{turned}");
+            let bottoms = found.end_effectors.iter().map(|end| end.center_m[2] - end.radius_m);
+            let [low, high] = [bottoms.clone().reduce(f64::min), bottoms.reduce(f64::max)];
+            assert!(high.unwrap() - low.unwrap() < 1e-3, "{found:?}");
+            assert!(!warned(&found, &["above the ground"]), "{:?}", found.warnings);
         }
-        let angle =
-            |name: &str| robot.joints.iter().find(|joint| joint.name == name).unwrap().nominal_rad;
-        let turned = angle("left_hip") + angle("left_knee") + angle("left_ankle");
-        assert!(turned.abs() < 5e-3 && angle("left_knee") > 0.3, "{sole}: {turned}");
-        assert!(!warned(&found, &["above the ground"]), "{:?}", found.warnings);
     }
+}
+
+#[test]
+fn a_sole_without_a_shape_has_the_size_of_its_inertia_above_its_lowest_frame() {
+    let (found, robot) = imported(&humanoid("", true).urdf());
+    assert!(found.end_effectors.iter().all(|end| !end.measured));
+    // A cube of 0.8 kg and 2 g·m² about each axis.
+    let half_m = (1.5 * 2e-3 / 0.8_f64).sqrt();
+    for end in &robot.end_effectors {
+        let at = end.center_in_link_m - Vector3::new(0.02, 0.0, -0.05);
+        assert!((at.x.abs() - half_m).abs() < 1e-9 && (at.y.abs() - half_m).abs() < 1e-9, "{at}");
+        assert!((at.z - end.radius_m + half_m).abs() < 1e-9, "{at}");
+    }
+    let mut framed = humanoid("", true);
+    for side in ["left", "right"] {
+        let [joint, link, sole] = ["fixed", "end", "sole"].map(|part| format!("{side}_{part}"));
+        framed.text += &format!("<link name=\"{sole}\"/>");
+        framed.joint("fixed", [&joint, &link, &sole], [0.0, 0.0, -0.09], [0.0, 1.0, 0.0], "");
+    }
+    let (_, robot) = imported(&framed.urdf());
+    for end in &robot.end_effectors {
+        assert!((end.center_in_link_m.z - end.radius_m + 0.09).abs() < 1e-9, "{end:?}");
+    }
+}
+
+#[test]
+fn the_end_of_a_shank_is_no_sole() {
+    // Its box is higher than long, although the leg has three joints about the same axis.
+    let shank = cuboid([0.03, 0.03, 0.16], [0.0, 0.0, -0.1]);
+    let (_, robot) = imported(&humanoid(&shank, true).urdf());
+    let names: Vec<_> = robot.end_effectors.iter().map(|end| end.name.as_str()).collect();
+    assert_eq!(names, ["left_end", "right_end"]);
+    // Without an ankle, a plate at the end of the shank is not level.
+    let mut made = Made::trunk();
+    for (name, x, y) in CORNERS {
+        made.limb(name, "trunk", [x, y, 0.0]);
+        made.link(
+            &format!("{name}_plate"),
+            0.05,
+            [0.0; 3],
+            1e-5,
+            &cuboid([0.3, 0.1, 0.02], [0.0; 3]),
+        );
+        let ends = [&*format!("{name}_rigid"), &format!("{name}_shank"), &format!("{name}_plate")];
+        made.joint("fixed", ends, [0.0, 0.0, -0.2], [0.0, 1.0, 0.0], "");
+    }
+    let (_, robot) = imported(&made.urdf());
+    assert_eq!(robot.end_effectors.len(), 4);
 }
 
 #[test]
@@ -351,7 +447,8 @@ fn a_ball_at_the_height_of_the_wheels_is_a_caster_and_settles_their_radius() {
 /// A shape that lies on the ground would keep the planner from every motion.
 #[test]
 fn soles_are_no_shapes_and_shanks_end_above_their_feet() {
-    let (_, robot) = imported(&humanoid(&cuboid([0.2, 0.08, 0.03], [0.03, 0.0, -0.065])));
+    let sole = cuboid([0.2, 0.08, 0.03], [0.03, 0.0, -0.065]);
+    let (_, robot) = imported(&humanoid(&sole, true).urdf());
     for end in &robot.end_effectors {
         assert!(robot.links[end.link].shapes.is_empty(), "{:?}", robot.links[end.link]);
     }

@@ -1,17 +1,19 @@
 //! Guesses about a URDF from its mechanics: joints to lock, wheels, feet, heading. They go into the template of the side file,
 //! for a person to check.
 //!
-//! `axles` finds wheels among the joints at the ends of limbs, `soles` the contact of each other end, and `ground` the ends that
-//! reach the ground together. `heading` finds the axes that point forward and up. No foot, wheel or axis follows from a name
-//! alone.
+//! `axles` finds wheels among the joints at the ends of limbs, `soles` the contact of each other end, `corners` the corners of
+//! its sole, and `ground` the ends that reach the ground together. `heading` finds the axes that point forward and up. No foot,
+//! wheel or axis follows from a name alone.
 
 mod axles;
 mod casters;
+mod corners;
 mod ground;
 mod heading;
 mod soles;
 
 pub(super) use axles::{across, axles};
+pub(super) use corners::Corner;
 pub(super) use heading::{Axes, Heading, forward, up};
 
 use super::bodies::{Bodies, Rigid};
@@ -35,6 +37,15 @@ pub(super) struct End {
     pub measured: bool,
     pub kind: EndKind,
     pub tip: Tip,
+    /// Contacts of a foot with a sole, around the centre; empty for one contact at the centre.
+    pub sole: Vec<Corner>,
+}
+
+impl End {
+    /// Number of contacts with the ground.
+    fn contacts(&self) -> usize {
+        self.sole.len().max(1)
+    }
 }
 
 /// Kind of contact of a guessed foot or wheel.
@@ -118,14 +129,23 @@ pub(super) fn ends(urdf: &Urdf, graph: &Graph, bodies: &Bodies, rigid: &Rigid) -
         if !welded.is_empty() {
             ends.extend(welded);
         } else if index > 0 {
-            ends.extend(soles::foot(&posed, index));
+            ends.extend(foot(&posed, index));
         }
     }
     let mut ends = ground::together(urdf, bodies, ends);
     casters::add(urdf, bodies, &mut ends);
     // A robot file has at most this number.
     ends.truncate(ITEMS_MAX);
+    if ends.iter().map(End::contacts).sum::<usize>() > ITEMS_MAX {
+        ends.iter_mut().for_each(|end| end.sole.clear());
+    }
     ends
+}
+
+/// Foot at the end of a body without moving children, with its sole if it has one.
+fn foot(posed: &soles::Posed<'_>, body: usize) -> Option<End> {
+    let (point, tail) = soles::foot(posed, body)?;
+    Some(corners::sole(posed, &tail, &point).unwrap_or(point))
 }
 
 fn wheel(urdf: &Urdf, graph: &Graph, bodies: &Bodies, axle: usize, size_m: f64) -> Option<End> {
@@ -171,8 +191,8 @@ fn end(
 ) -> Option<End> {
     let (body, body_from_link) = bodies.places[link]?;
     let center_m = (body_from_link * Point3::from(center_in_link_m)).coords;
-    let tip = Tip { body, center_m, radius_m };
-    Some(End { axle, link, center_in_link_m, radius_m, measured, kind, tip })
+    let tip = Tip { body, center_m, radius_m, is_sole: false };
+    Some(End { axle, link, center_in_link_m, radius_m, measured, kind, tip, sole: Vec::new() })
 }
 
 fn has(name: &str, words: &[&str]) -> bool {

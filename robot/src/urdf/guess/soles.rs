@@ -16,15 +16,17 @@ const ON_AXIS: f64 = 0.02;
 const HANGING: f64 = 0.85;
 
 /// Last body of a limb.
-struct Tail {
-    body: usize,
+pub(super) struct Tail {
+    pub body: usize,
+    /// Bodies of the limb, the last one first.
+    pub chain: Vec<usize>,
     /// Direction of the limb, in the body.
     along: Unit<Vector3<f64>>,
     /// Axis of the last joint, in the body, through its origin.
     axis: Unit<Vector3<f64>>,
     /// Vector from the joint before the last one, in the body.
     before_m: Vector3<f64>,
-    length_m: f64,
+    pub length_m: f64,
     /// Length along all joints from the root, m.
     from_root_m: f64,
 }
@@ -49,7 +51,7 @@ impl Pad {
 pub(super) struct Posed<'a> {
     pub urdf: &'a Urdf,
     pub bodies: &'a Bodies,
-    turns: Vec<Turn>,
+    pub turns: Vec<Turn>,
     pub poses: Vec<Isometry3<f64>>,
     /// Number of joints that leave each body.
     children: Vec<usize>,
@@ -66,38 +68,48 @@ impl<'a> Posed<'a> {
     }
 }
 
-/// Foot at the end of a body without moving children.
-pub(super) fn foot(posed: &Posed<'_>, body: usize) -> Option<End> {
-    let Posed { urdf, bodies, .. } = *posed;
-    let pads = |tail: &Tail| -> Vec<Pad> {
-        let links = &bodies.bodies[body].links;
-        let shapes = links.iter().flat_map(|&link| {
-            let pose = bodies.places[link].map(|(_, pose)| pose);
-            urdf.links[link].shapes.iter().filter_map(move |shape| Some((link, pose?, shape)))
-        });
-        let solid = shapes.filter(|(.., shape)| shape.solid != Solid::Mesh);
-        let (collision, visual): (Vec<_>, Vec<_>) = solid.partition(|(.., shape)| shape.collision);
-        let used = if collision.is_empty() { visual } else { collision };
-        used.iter().map(|(link, pose, shape)| pad(*link, pose, shape, &tail.along)).collect()
-    };
+/// Contact at the end of a body without moving children.
+pub(super) fn foot(posed: &Posed<'_>, body: usize) -> Option<(End, Tail)> {
+    let bodies = posed.bodies;
     let tail = tail(posed, body)?;
     let beside_m = |at: &Vector3<f64>| at.cross(&tail.axis).norm();
     let on_axis_m = ON_AXIS * tail.length_m;
-    let all = pads(&tail);
+    let all: Vec<Pad> = solids(posed, body)
+        .iter()
+        .map(|(link, pose, shape)| pad(*link, pose, shape, &tail.along))
+        .collect();
     let off_axis: Vec<_> =
         all.iter().copied().filter(|pad| beside_m(&pad.center_m) > on_axis_m).collect();
     let heavy_m = beside_m(&bodies.bodies[body].mass.com_m);
     // A sphere on the axis is the foot only if nothing extends beyond it.
     let pads = if off_axis.is_empty() && heavy_m <= on_axis_m { all } else { off_axis };
-    if let Some(pad) = lowest(&pads, &tail) {
-        return at(bodies, pad.link, pad.center_m, pad.radius_m, true);
-    }
-    let (link, center_m) = unshaped(bodies, &tail, on_axis_m);
-    at(bodies, link, center_m, RADIUS_SHARE * tail.from_root_m, false)
+    let point = match lowest(&pads, &tail) {
+        Some(pad) => at(bodies, pad.link, pad.center_m, pad.radius_m, true),
+        None => {
+            let (link, center_m) = unshaped(bodies, &tail, on_axis_m);
+            at(bodies, link, center_m, RADIUS_SHARE * tail.from_root_m, false)
+        }
+    }?;
+    Some((point, tail))
+}
+
+/// Shapes of a body with their links and poses: collision geometry, else visual geometry, without meshes.
+pub(super) fn solids<'a>(
+    posed: &Posed<'a>,
+    body: usize,
+) -> Vec<(usize, Isometry3<f64>, &'a Shape)> {
+    let Posed { urdf, bodies, .. } = *posed;
+    let shapes = bodies.bodies[body].links.iter().flat_map(|&link| {
+        let pose = bodies.places[link].map(|(_, pose)| pose);
+        urdf.links[link].shapes.iter().filter_map(move |shape| Some((link, pose?, shape)))
+    });
+    let solid = shapes.filter(|(.., shape)| shape.solid != Solid::Mesh);
+    let (collision, visual): (Vec<_>, Vec<_>) = solid.partition(|(.., shape)| shape.collision);
+    if collision.is_empty() { visual } else { collision }
 }
 
 /// Foot with its centre in the body.
-fn at(
+pub(super) fn at(
     bodies: &Bodies,
     link: usize,
     center_m: Vector3<f64>,
@@ -146,6 +158,7 @@ fn tail(posed: &Posed<'_>, body: usize) -> Option<Tail> {
     let turn = poses[body].rotation.inverse();
     Some(Tail {
         body,
+        chain: chain.to_vec(),
         along: turn * along,
         axis: posed.turns[last].axis,
         before_m: turn * (origin(body) - origin(before)),

@@ -44,6 +44,8 @@ pub(super) struct Tip {
     pub body: usize,
     pub center_m: Vector3<f64>,
     pub radius_m: f64,
+    /// True for the middle of a sole, which lies flat and points forward.
+    pub is_sole: bool,
 }
 
 /// Standing pose.
@@ -51,6 +53,8 @@ pub(super) struct Tip {
 pub(super) struct Stance {
     /// Joint angles in the order of [`Bodies::moving`].
     pub angles_rad: Vec<f64>,
+    /// Poses of all bodies in the frame of the root.
+    pub poses: Vec<Isometry3<f64>>,
     /// Centres of the tips in the frame of the root.
     pub tips_m: Vec<Vector3<f64>>,
     /// Centre of mass in the frame of the root.
@@ -110,7 +114,7 @@ pub(super) fn stance(bodies: &Bodies, turns: &[Turn], tips: &[Tip]) -> Stance {
     let above = bottoms.enumerate().map(|(index, bottom_m)| (index, bottom_m - lowest_m));
     let least_m = if legs.is_empty() { f64::INFINITY } else { 2.0 * MISS * length_m };
     let missed = above.filter(|(_, above_m)| *above_m > least_m).collect();
-    Stance { angles_rad: angles, tips_m, com_m: com_m(bodies, &poses), missed }
+    Stance { angles_rad: angles, tips_m, com_m: com_m(bodies, &poses), missed, poses }
 }
 
 /// Angles that put the feet of all legs on the ground, or as near as possible, and the largest remaining distance, m.
@@ -215,7 +219,8 @@ fn axes(turns: &[Turn]) -> impl Iterator<Item = &Unit<Vector3<f64>>> {
     turns.iter().map(|turn| &turn.axis)
 }
 
-fn at(poses: &[Isometry3<f64>], tip: &Tip) -> Vector3<f64> {
+/// Centre of a tip in the frame of the root, m.
+pub(super) fn at(poses: &[Isometry3<f64>], tip: &Tip) -> Vector3<f64> {
     (poses[tip.body] * Point3::from(tip.center_m)).coords
 }
 

@@ -3,14 +3,15 @@
 use super::super::bodies::Bodies;
 use super::legs::Leg;
 use super::{MISS, Turn, at, axes, inside, poses};
-use nalgebra::{DMatrix, DVector, Isometry3, Vector3, Vector4};
+use nalgebra::{DMatrix, DVector, Isometry3, Vector3, Vector6};
 use std::f64::consts::{PI, TAU};
 
 /// Damping of the least squares, as a fraction of the leg's length.
 const DAMPING: f64 = 0.05;
 /// Weight of the distance from the leg's plane. A leg without a lateral joint cannot change this distance.
 const ASIDE: f64 = 0.1;
-/// Weight of the foot's angle in the plane, as a fraction of the leg's length. A leg with an ankle keeps its sole level.
+/// Weight of the foot's angles, as a fraction of the leg's length. A leg with an ankle keeps its foot level in the plane; a sole
+/// also lies flat and points forward.
 const LEVEL: f64 = 0.5;
 /// Maximum number of iterations of the least squares. About ten suffice.
 const STEPS: usize = 100;
@@ -48,8 +49,9 @@ impl Solver<'_> {
         let Self { turns, leg, .. } = *self;
         let straight = self.poses(angles_rad);
         let mut angles = self.start(angles_rad, side);
-        let level = if leg.bending.len() > 2 { LEVEL * leg.length_m } else { 0.0 };
-        let weights = Vector4::new(1.0, ASIDE, 1.0, level);
+        let level = |is_kept: bool| if is_kept { LEVEL * leg.length_m } else { 0.0 };
+        let (pitch, flat) = (level(leg.bending.len() > 2), level(leg.tip.is_sole));
+        let weights = Vector6::new(1.0, ASIDE, 1.0, pitch, flat, flat);
         for _ in 0..STEPS {
             let now = self.poses(&angles);
             let error = self.error(&straight, &now).component_mul(&weights);
@@ -57,16 +59,17 @@ impl Solver<'_> {
                 break;
             }
             let tip_m = at(&now, &leg.tip);
-            let mut jacobian = DMatrix::zeros(4, leg.own.len());
+            let mut jacobian = DMatrix::zeros(6, leg.own.len());
             for (column, &joint) in leg.own.iter().enumerate() {
                 let pose = now[self.bodies.moving[joint].child];
                 let axis: Vector3<f64> = pose.rotation * *turns[joint].axis;
                 let moved = self.in_leg(&axis.cross(&(tip_m - pose.translation.vector)));
-                let row = Vector4::new(moved.x, moved.y, moved.z, axis.dot(&leg.across));
+                let [pitch, roll, yaw] = self.turns_in_leg(&axis);
+                let row = Vector6::new(moved.x, moved.y, moved.z, pitch, roll, yaw);
                 jacobian.set_column(column, &row.component_mul(&weights));
             }
             let damping = (DAMPING * leg.length_m).powi(2);
-            let normal = &jacobian * jacobian.transpose() + DMatrix::identity(4, 4) * damping;
+            let normal = &jacobian * jacobian.transpose() + DMatrix::identity(6, 6) * damping;
             let Some(solved) = normal.cholesky() else { break };
             let pull = DVector::from_column_slice(error.as_slice());
             let step = jacobian.transpose() * solved.solve(&pull);
@@ -79,7 +82,7 @@ impl Solver<'_> {
             }
         }
         let error = self.error(&straight, &self.poses(&angles)).component_mul(&weights);
-        (angles, error.xyz().norm() + MISS * error.w.abs())
+        (angles, error.xyz().norm() + MISS * error.fixed_rows::<3>(3).norm())
     }
 
     fn poses(&self, angles_rad: &[f64]) -> Vec<Isometry3<f64>> {
@@ -91,12 +94,17 @@ impl Solver<'_> {
         Vector3::new(of.dot(&self.leg.out), of.dot(&self.leg.across), of.z)
     }
 
-    /// Distance to the goal outward, across and up, m, and the angle that turns the foot back to level, rad.
-    fn error(&self, straight: &[Isometry3<f64>], now: &[Isometry3<f64>]) -> Vector4<f64> {
+    /// Components of a rotation about the normal of the plane, about the direction outward, and about the vertical.
+    fn turns_in_leg(&self, of: &Vector3<f64>) -> [f64; 3] {
+        [of.dot(&self.leg.across), of.dot(&self.leg.out), of.z]
+    }
+
+    /// Distance to the goal outward, across and up, m, and the rotation that turns the foot back to level, rad.
+    fn error(&self, straight: &[Isometry3<f64>], now: &[Isometry3<f64>]) -> Vector6<f64> {
         let to_goal = self.in_leg(&(self.goal - at(now, &self.leg.tip)));
         let turned = now[self.leg.body].rotation * straight[self.leg.body].rotation.inverse();
-        let back_rad = -turned.scaled_axis().dot(&self.leg.across);
-        Vector4::new(to_goal.x, to_goal.y, to_goal.z, back_rad)
+        let [pitch, roll, yaw] = self.turns_in_leg(&-turned.scaled_axis());
+        Vector6::new(to_goal.x, to_goal.y, to_goal.z, pitch, roll, yaw)
     }
 
     /// Angles of hip and knee that put the foot at the goal if both turn in the plane.
