@@ -1,14 +1,13 @@
 //! Footfall patterns of motion files: all in stance, a named gait, phases (`phases`), or rows of `#` and `.`.
 
+use super::feet::{BIPED_FEET, GAIT_FEET, gait_columns, named};
 use super::phases::{self, Swing, cycles, duty, listed, stance_of};
+use rollwalk_robot::Robot;
 use rollwalk_robot::document::{Document, NamedString, Table, alternatives};
-use rollwalk_robot::{EndEffector, Robot};
 
-/// Feet of a named gait, in the order of the rows of [`GAITS`].
-const GAIT_FEET: [&str; 4] = ["front_left", "front_right", "rear_left", "rear_right"];
-
-/// Named gaits, with the phase of the cycle at mid-swing for each foot in [`GAIT_FEET`]. `walk` is the lateral sequence: rear
-/// left, front left, rear right, front right. In this slow gait, the robot's weight shifts least while one foot is in the air.
+/// Named gaits, with the phase of the cycle at mid-swing for each foot in the order of `GAIT_FEET`. `walk` is the lateral
+/// sequence: rear left, front left, rear right, front right. In this slow gait, the robot's weight shifts least while one foot
+/// is in the air.
 pub(super) const GAITS: [(&str, [f64; 4]); 5] = [
     ("walk", [0.375, 0.875, 0.125, 0.625]),
     ("trot", [0.25, 0.75, 0.75, 0.25]),
@@ -68,28 +67,16 @@ fn gait(table: &Table<'_>, robot: &Robot, samples: usize) -> Option<Vec<Vec<bool
     Some(stance_of(&swings, samples, cycles))
 }
 
-/// Row in [`GAIT_FEET`] of every end effector of the robot. End effectors of one limb swing together: `front_left`,
-/// `front_left_toe` and `front_left_heel` belong to the row `front_left`. `None` if a name or a row does not match.
-pub(super) fn gait_columns(robot: &Robot) -> Option<Vec<usize>> {
-    let row_of = |foot: &EndEffector| {
-        GAIT_FEET.iter().position(|name| {
-            let rest = foot.name.strip_prefix(name);
-            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
-        })
-    };
-    let columns: Option<Vec<_>> = robot.end_effectors.iter().map(row_of).collect();
-    columns.filter(|found| (0..GAIT_FEET.len()).all(|row| found.contains(&row)))
-}
-
 fn unknown_feet(table: &Table<'_>, robot: &Robot) {
     let problem = format!("does not fit the end effectors of robot `{}`", robot.name);
     let help = format!(
-        "rename the end effectors to {} (or several per limb, such as front_left_toe and \
-         front_left_heel), or write one row of # and . for each of {}",
+        "rename the end effectors to {} or, for two feet, to {} (or several per limb, such as \
+         front_left_toe and front_left_heel), or write one row of # and . for each of {}",
         GAIT_FEET.join(", "),
+        BIPED_FEET.join(", "),
         listed(robot)
     );
-    table.fault("gait", problem, "needs four named feet", help);
+    table.fault("gait", problem, "needs named feet", help);
 }
 
 /// Reads one row of `#` (stance) and `.` (swing) per end effector, all of the same length. Rows are stretched to the number of
@@ -104,7 +91,8 @@ fn rows(
     let mut first: Option<(String, usize)> = None;
     let mut sound = true;
     for row in in_text_order(table.named_strings()) {
-        let Some(index) = robot.end_effector_index(row.name) else {
+        let of_foot = named(robot, row.name);
+        if of_foot.is_empty() {
             let names = robot.end_effectors.iter().map(|foot| foot.name.as_str());
             let message = format!("[footfalls]: robot `{}` has no `{}`", robot.name, row.name);
             let help = format!(
@@ -114,7 +102,7 @@ fn rows(
             document.fault(row.name_span, message, "unknown end effector", help);
             sound = false;
             continue;
-        };
+        }
         let Some(pattern) = pattern(document, &row) else {
             sound = false;
             continue;
@@ -136,7 +124,13 @@ fn rows(
                 sound = false;
             }
         }
-        patterns[index] = Some(pattern);
+        for index in of_foot {
+            // The row of a contact comes before that of its foot.
+            let own = row.name == robot.end_effectors[index].name;
+            if own || patterns[index].is_none() {
+                patterns[index] = Some(pattern.clone());
+            }
+        }
     }
     for (foot, pattern) in robot.end_effectors.iter().zip(&patterns) {
         if sound && pattern.is_none() {
@@ -174,4 +168,66 @@ fn pattern(document: &Document<'_>, row: &NamedString<'_>) -> Option<Vec<bool>> 
 fn in_text_order(mut rows: Vec<NamedString<'_>>) -> Vec<NamedString<'_>> {
     rows.sort_by_key(|row| row.name_span.start);
     rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::Motion;
+    use crate::test_robots;
+
+    fn robot(names: [&str; 4]) -> Robot {
+        let mut robot = test_robots::all().swap_remove(0);
+        for (end, name) in robot.end_effectors.iter_mut().zip(names) {
+            name.clone_into(&mut end.name);
+        }
+        robot
+    }
+
+    fn read(robot: &Robot, footfalls: &str) -> Result<Vec<Vec<bool>>, String> {
+        let text = format!(
+            "name = \"m\"\nrobot = \"r.toml\"\nduration_s = 1.0\nends = \"periodic\"\nsamples = 40\nswing_height_m = 0.02\n{footfalls}"
+        );
+        let read = Motion::from_toml("m.toml", &text, robot);
+        read.map(|motion| motion.stance).map_err(|why| format!("{why:?}"))
+    }
+
+    #[test]
+    fn contacts_of_a_foot_swing_together() {
+        let biped = robot(["left_toe", "left_heel", "right_toe", "right_heel"]);
+        let each = "[footfalls]\nduty = 0.6\n[footfalls.phases]\nleft_toe = 0.45\nleft_heel = 0.45\nright_toe = 0.95\nright_heel = 0.95";
+        let expected = read(&biped, each).unwrap();
+        for (sample, flags) in expected.iter().enumerate() {
+            let [left, left_heel, right, right_heel] = flags[..] else { panic!() };
+            assert_eq!((left, right), (left_heel, right_heel));
+            assert!(left || right, "{sample}");
+        }
+        for same in [
+            "[footfalls]\nduty = 0.6\n[footfalls.phases]\nleft = 0.45\nright = 0.95",
+            // The value of a contact replaces that of its foot.
+            "[footfalls]\nduty = 0.6\n[footfalls.phases]\nleft = 0.45\nright_heel = 0.95\nright = 0.1\nright_toe = 0.95",
+            "[footfalls]\nduty = 0.6\ngait = \"trot\"",
+        ] {
+            assert_eq!(read(&biped, same).unwrap(), expected, "{same}");
+        }
+        let rows = |left: &str| {
+            let row = |flags: fn(&[bool]) -> bool| -> String {
+                expected.iter().map(|at| if flags(at) { '#' } else { '.' }).collect()
+            };
+            let (left_row, right_row) = (row(|at| at[0]), row(|at| at[2]));
+            format!("[footfalls]\n{left} = \"{left_row}\"\nright = \"{right_row}\"")
+        };
+        assert_eq!(read(&biped, &rows("left")).unwrap(), expected);
+        assert!(read(&biped, &rows("left_toe")).unwrap_err().contains("`left_heel` is missing"));
+        assert!(read(&biped, &rows("lef")).unwrap_err().contains("no `lef`"));
+    }
+
+    #[test]
+    fn bipeds_have_named_gaits() {
+        let biped = robot(["left_toe", "left_heel", "right_toe", "right_heel"]);
+        assert_eq!(gaits(&biped).count(), GAITS.len());
+        assert_eq!(gaits(&robot(["left", "right", "leftmost", "right_2"])).count(), 0);
+        let error = read(&robot(["a", "b", "c", "d"]), "[footfalls]\nduty = 0.6\ngait = \"trot\"");
+        assert!(error.unwrap_err().contains("front_left, front_right, rear_left, rear_right"));
+    }
 }

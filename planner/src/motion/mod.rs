@@ -5,6 +5,7 @@
 mod choreography;
 mod choreography_check;
 mod choreography_file;
+mod feet;
 pub(crate) mod file;
 mod footfall;
 mod footing;

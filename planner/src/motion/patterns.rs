@@ -1,7 +1,8 @@
 //! Footfall patterns for one goal: the pattern of the motion file, rolling on all wheels, and the named gaits with several duty
 //! factors.
 
-use super::footfall::{GAITS, gait_columns};
+use super::feet::gait_columns;
+use super::footfall::GAITS;
 use super::phases::{Swing, stance_of};
 use super::{Ends, Motion};
 use rollwalk_robot::Robot;

@@ -1,6 +1,7 @@
 //! Footfalls as phases: phase of touch-down and duty factor of every end effector, both as fractions of the cycle. Phases suit
 //! robots with any number of feet.
 
+use super::feet::named;
 use rollwalk_robot::Robot;
 use rollwalk_robot::document::{Document, Table, alternatives};
 
@@ -59,17 +60,24 @@ fn per_foot(
     let mut sound = true;
     for entry in table.named_numbers() {
         let name = entry.name;
-        let (message, label, help) = match robot.end_effector_index(name) {
-            Some(index) if range.contains(&entry.number) => {
-                numbers[index] = Some(entry.number);
+        let of_foot = named(robot, name);
+        let (message, label, help) = match of_foot.is_empty() {
+            false if range.contains(&entry.number) => {
+                for index in of_foot {
+                    // The value of a contact replaces that of its foot.
+                    let own = name == robot.end_effectors[index].name;
+                    if own || numbers[index].is_none() {
+                        numbers[index] = Some(entry.number);
+                    }
+                }
                 continue;
             }
-            Some(_) => (
+            false => (
                 format!("[footfalls.{key}]: `{name}` is {}", entry.number),
                 "out of range",
                 format!("give a fraction of the cycle from {} to {}", range.start(), range.end()),
             ),
-            None => (
+            true => (
                 format!("[footfalls.{key}]: robot `{}` has no `{name}`", robot.name),
                 "unknown end effector",
                 alternatives(name, robot.end_effectors.iter().map(|foot| foot.name.as_str())),
