@@ -1,12 +1,14 @@
 //! Changes that may help a motion to pass the simulation, within the limits of a motion file.
 
+use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Plan;
+use rollwalk_planner::report::Growth;
 use rollwalk_robot::Robot;
 
 /// List of changes that may help a plan, as a sentence to follow another: it begins with a full stop. Empty without remedies.
 /// `feedback` is the command that simulates the plan with feedback.
-pub fn sentence(plan: &Plan, feedback: Option<String>) -> String {
-    sentence_of(of_plan(plan), feedback)
+pub fn sentence(plan: &Plan, growth: Option<Growth>, feedback: Option<String>) -> String {
+    sentence_of(of_plan(plan, growth), feedback)
 }
 
 fn sentence_of(mut ways: Vec<String>, feedback: Option<String>) -> String {
@@ -18,13 +20,24 @@ fn sentence_of(mut ways: Vec<String>, feedback: Option<String>) -> String {
 }
 
 /// Changes of the motion and the robot of a plan that may help.
-fn of_plan(plan: &Plan) -> Vec<String> {
+fn of_plan(plan: &Plan, growth: Option<Growth>) -> Vec<String> {
     let Plan { robot, motion, .. } = plan;
-    let steps = motion.stance.iter().flatten().any(|stands| !stands);
-    let duty = steps.then_some("a larger `duty`");
-    let of_motion = motion.changes_within_limits().into_iter().chain(duty).map(str::to_owned);
     let servos = (!robot.joints.is_empty()).then(|| of_servos(robot));
-    of_motion.chain(servos).collect()
+    of_motion(motion, growth).into_iter().map(str::to_owned).chain(servos).collect()
+}
+
+fn of_motion(motion: &Motion, growth: Option<Growth>) -> Vec<&'static str> {
+    let mut changes = motion.changes_within_limits();
+    if motion.stance.iter().flatten().all(|stands| *stands) {
+        return changes;
+    }
+    if growth.is_some_and(|growth| !growth.dies_out()) {
+        // Errors have less time to grow from step to step.
+        changes.retain(|change| *change != Motion::LONGER);
+        changes.insert(0, "a shorter cycle with a nearer goal");
+    }
+    changes.push("a larger `duty`");
+    changes
 }
 
 /// Changes of the servos that may help.
@@ -53,6 +66,24 @@ mod tests {
         assert_eq!(of(&["more samples"], None), ". What may help: more samples");
         let both = ". What may help: more samples, or feedback (`x`)";
         assert_eq!(of(&["more samples"], Some("x")), both);
+    }
+
+    #[test]
+    fn a_gait_whose_errors_persist_gets_a_shorter_cycle_and_others_more_time() {
+        let agilebot = include_str!("../../shipped/robots/agilebot.toml");
+        let agilebot = Robot::from_toml("robot.toml", agilebot).unwrap();
+        let of = |text: &str, growth: Option<f64>| {
+            let motion = Motion::from_toml("m.toml", text, &agilebot).unwrap();
+            of_motion(&motion, growth.map(Growth))
+        };
+        let walk = include_str!("../../shipped/motions/walk.toml");
+        for growth in [0.8, 1.7] {
+            let shorter = ["a shorter cycle with a nearer goal", "more samples", "a larger `duty`"];
+            assert_eq!(of(walk, Some(growth)), shorter);
+        }
+        assert_eq!(of(walk, Some(0.4)), ["more samples", Motion::LONGER, "a larger `duty`"]);
+        let duck = include_str!("../../shipped/motions/duck.toml");
+        assert_eq!(of(duck, None), ["more samples", Motion::LONGER]);
     }
 
     #[test]

@@ -45,6 +45,42 @@ pub struct GroundArgs {
     push: Vec<Shove>,
 }
 
+/// Returns level ground.
+///
+/// # Errors
+/// Returns an error if a robot in its nominal pose reaches into the ground.
+pub fn level_ground_for(robot: &Robot) -> miette::Result<Arc<dyn Ground>> {
+    let level: Arc<dyn Ground> = Arc::new(Plane::level());
+    let deep_m = depth_m(robot, &level);
+    if deep_m <= DEEPEST_M {
+        return Ok(level);
+    }
+    let shape = StandingReport::new(robot).and_then(|standing| standing.shape_in_ground());
+    Err(match shape {
+        Some(shape) => miette!(
+            help = "`rollwalk robot check` prints the heights of all links",
+            "{} does not stand on level ground: {shape}",
+            robot.name
+        ),
+        None => {
+            let help = "check the nominal pose with `rollwalk robot check`";
+            inside(robot, "level ground", deep_m, help)
+        }
+    })
+}
+
+fn depth_m(robot: &Robot, ground: &Arc<dyn Ground>) -> f64 {
+    World::standing(robot, ground, &Parameters::new(robot)).depth_m()
+}
+
+fn inside(robot: &Robot, ground: &str, deep_m: f64, help: &str) -> miette::Report {
+    miette!(
+        help = help,
+        "{} does not stand on {ground}: part of the robot is {deep_m:.3} m below the surface",
+        robot.name
+    )
+}
+
 impl GroundArgs {
     /// True if any option of the ground was given.
     pub fn is_given(&self) -> bool {
@@ -82,36 +118,18 @@ impl GroundArgs {
     /// # Errors
     /// Returns an error if the terrain file is missing or wrong, or if the robot would start inside the ground.
     pub fn ground_for(&self, robot: &Robot) -> miette::Result<Arc<dyn Ground>> {
-        let depth_m =
-            |ground: &_| World::standing(robot, ground, &Parameters::new(robot)).depth_m();
         let ground = self.ground()?;
-        let deep_m = depth_m(&ground);
+        let deep_m = depth_m(robot, &ground);
         if deep_m <= DEEPEST_M {
             return Ok(ground);
         }
-        let level: Arc<dyn Ground> = Arc::new(Plane::level());
-        let stands_on_level_ground = depth_m(&level) <= DEEPEST_M;
-        let shape = StandingReport::new(robot).and_then(|standing| standing.shape_in_ground());
-        if let Some(shape) = shape.filter(|_| !stands_on_level_ground) {
-            return Err(miette!(
-                help = "`rollwalk robot check` prints the heights of all links",
-                "{} does not stand on level ground: {shape}",
-                robot.name
-            ));
-        }
-        let help = if !stands_on_level_ground {
-            "check the nominal pose with `rollwalk robot check`"
-        } else if self.terrain.is_some() {
+        level_ground_for(robot)?;
+        let help = if self.terrain.is_some() {
             "move steps, walls and obstacles away from the origin, where the robot starts"
         } else {
             "give a gentler slope"
         };
-        Err(miette!(
-            help = help,
-            "{} does not stand on this ground at the origin: part of the robot is {:.3} m below the surface",
-            robot.name,
-            deep_m
-        ))
+        Err(inside(robot, "this ground at the origin", deep_m, help))
     }
 
     /// Pushes of the command line.
@@ -217,6 +235,7 @@ mod tests {
             let report = args.ground_for(&robot).map(drop).unwrap_err();
             report.help().map(|help| help.to_string()).unwrap_or_default()
         };
+        assert!(level_ground_for(&robot).is_err());
         for slope in [None, Some(0.0), Some(5.0)] {
             assert!(help(slope).contains("rollwalk robot check"), "{slope:?}: {}", help(slope));
         }

@@ -48,6 +48,11 @@ impl Growth {
     pub fn is_much(self) -> bool {
         self.0 > GROWS
     }
+
+    /// Returns true if errors vanish after a few cycles.
+    pub fn dies_out(self) -> bool {
+        self.0 <= DIES_OUT
+    }
 }
 
 impl fmt::Display for Growth {
@@ -65,7 +70,7 @@ impl fmt::Display for Growth {
                  to reduce the growth"
             )
         } else {
-            let how = if growth > DIES_OUT { "hardly decay" } else { "decay" };
+            let how = if self.dies_out() { "decay" } else { "hardly decay" };
             write!(
                 f,
                 "without feedback, small errors {how}: {left:.0} % of an error remains after a \

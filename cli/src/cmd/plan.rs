@@ -4,10 +4,11 @@ mod gaits;
 
 use super::{control, robot::print_robot_warnings};
 use crate::remedies;
+use crate::terrain::level_ground_for;
 use gaits::{GaitSearch, RankedPattern};
 use indicatif::{ProgressBar, ProgressStyle};
-use miette::{IntoDiagnostic, miette};
-use rollwalk_planner::motion::Motion;
+use miette::{Context, IntoDiagnostic, miette};
+use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_planner::plan::{
     Diagnosis, Plan, Refinement, SolveStart, SolveSummary, StartKind, Status,
 };
@@ -130,6 +131,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     print_robot_warnings(&robot, &problem.robot);
     let warnings = motion.warnings(&robot).into_iter().chain(closed_way(&robot, &motion));
     output::print_warnings(&warnings.collect::<Vec<_>>());
+    if !args.no_simulation && motion.terrain.is_none() {
+        level_ground_for(&robot).wrap_err("the simulation refuses the robot")?;
+    }
     if let Some(path) = &args.dump {
         let dump = Output::at(path)?;
         place.apart_from(&dump)?;
@@ -411,11 +415,13 @@ impl<'a> PlanResult<'a> {
                     .unwrap_or_default()
             ),
             Some(path) if !holds => format!(
-                "wrote {0}; record the simulated motion with `rollwalk simulate {0} --world-log \
-                 RUN.csv`{1}",
+                "wrote {0}; record the simulated motion with `rollwalk simulate {0}{1} --world-log \
+                 RUN.csv`{2}",
                 path.display(),
+                simulation.map(|verdict| repeating(&plan.motion, verdict)).unwrap_or_default(),
                 remedies::sentence(
                     plan,
+                    report.growth_per_cycle,
                     control::check(&plan.robot)
                         .is_ok()
                         .then(|| format!("rollwalk simulate {} --tracking", path.display()))
@@ -426,6 +432,18 @@ impl<'a> PlanResult<'a> {
         };
         text
     }
+}
+
+/// Options with which `simulate` shows the failure of a verdict.
+fn repeating(motion: &Motion, verdict: &Verdict) -> String {
+    let cycles = if motion.ends == Ends::Periodic {
+        format!(" --cycles {}", Verdict::CYCLES)
+    } else {
+        String::new()
+    };
+    let stiffness = verdict.failing_stiffness().filter(|stiffness| *stiffness != 1.0);
+    let stiffness = stiffness.map(|stiffness| format!(" --contact-stiffness {stiffness}"));
+    format!("{cycles}{}", stiffness.unwrap_or_default())
 }
 
 /// Starting point of a solve, as a phrase.
@@ -453,4 +471,23 @@ fn beginning(solve: &SolveSummary, is_given: bool) -> String {
 /// Formats a signed number with three decimals, without the minus sign of a rounded zero.
 fn millis(value: f64) -> String {
     format!("{:+.3}", (value * 1e3).round() / 1e3 + 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failure_is_repeated_with_its_periods_and_contacts() {
+        let agilebot = include_str!("../../../shipped/robots/agilebot.toml");
+        let agilebot = Robot::from_toml("robot.toml", agilebot).unwrap();
+        let motion = |text: &str| Motion::from_toml("m.toml", text, &agilebot).unwrap();
+        let walk = motion(include_str!("../../../shipped/motions/walk.toml"));
+        let duck = motion(include_str!("../../../shipped/motions/duck.toml"));
+        let at = |contact_stiffness| Verdict::Unsolved { contact_stiffness, at_s: 1.0 };
+        assert_eq!(repeating(&walk, &at(1.0)), " --cycles 8");
+        assert_eq!(repeating(&walk, &at(0.5)), " --cycles 8 --contact-stiffness 0.5");
+        assert_eq!(repeating(&duck, &at(2.0)), " --contact-stiffness 2");
+        assert_eq!(repeating(&duck, &at(1.0)), "");
+    }
 }

@@ -72,6 +72,19 @@ impl Verdict {
         Some(Self::Holds)
     }
 
+    /// Largest number of periods of a periodic motion that the verdict is about.
+    pub const CYCLES: usize = CYCLES;
+
+    /// Scale factor of the usual contact stiffness at which the motion fails; `None` for a motion that passes.
+    pub fn failing_stiffness(&self) -> Option<f64> {
+        match self {
+            Self::Holds => None,
+            Self::Fails { contact_stiffness, .. } | Self::Unsolved { contact_stiffness, .. } => {
+                Some(*contact_stiffness)
+            }
+        }
+    }
+
     /// True if the motion passes on all contacts.
     pub fn holds(&self) -> bool {
         *self == Self::Holds

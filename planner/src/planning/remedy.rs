@@ -33,11 +33,14 @@ impl Report {
 }
 
 impl Motion {
+    /// Change for a motion in which the robot cannot follow.
+    pub const LONGER: &str = "a longer duration";
+
     /// Changes that make most motions easier, without those whose key already has its largest value.
     pub fn changes_within_limits(&self) -> Vec<&'static str> {
         let changes = [
             (self.stance.len() < SAMPLES_MAX as usize, "more samples"),
-            (self.duration_s < LONGEST_S, "a longer duration"),
+            (self.duration_s < LONGEST_S, Self::LONGER),
         ];
         changes
             .into_iter()
