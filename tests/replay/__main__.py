@@ -16,8 +16,9 @@ Columns of the table:
   sag                     planned - actual height of the body, mean
   saturated               share of time at the torque limit, for the worst motor
   depth                   deepest penetration of an end effector
-  fell, touched           time of a fall (tilt above 1 rad relative to the plan, or centre of mass below 55 % of its
-                          planned height); link with the longest ground contact
+  fell, touched           time of a fall (tilt above 1 rad relative to the plan, centre of mass below 55 % of its planned
+                          height, or a quarter of the weight on body and upper limbs for half a second); link with the
+                          longest ground contact
 
 Exit code: 0 if every motion passes (stays on its feet and within 0.95 to 1.05 of its plan) with the feed-forward that
 its robot's drives accept, or, without such a run, with every requested feed-forward; 1 if one does not, 2 if a file

@@ -27,7 +27,7 @@ def load(path, kind, inputs):
     """Motion, robot, frames and torques of a plan; the robot is that of the robot file, which must equal the plan's."""
     motion = motions.load(path)
     file = _robot_file(motion, inputs)
-    robot = robots.from_file(file)
+    robot = robots.with_body_points(robots.from_file(file), motion.robot)
     differs = robots.difference(robot, motion.robot)
     if differs:
         raise Unusable(f"{path}: its robot is not that of {file}: {differs}; plan again, or name its robot file")

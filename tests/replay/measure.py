@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from motion import yaw_matrix
+import robots
 
 # Range of achieved / planned in which a motion passes.
 BAND = (0.95, 1.05)
@@ -33,6 +34,7 @@ def summary(motion, track, cycles):
         "ratio_late": ratio(late),
         "drift": drift(middle),
         "drift_late": drift(late),
+        "height_ratio": _height_ratio(motion, track),
         "fell_at_s": track.fell_at_s,
         "fell_in_cycle": None if track.fell_at_s is None else int(track.fell_at_s / motion.duration_s) + 1,
         **_path(motion, track),
@@ -46,6 +48,13 @@ def summary(motion, track, cycles):
     result["holds"] = _holds(motion, result, late)
     result["needs_feedback"] = motion.needs_feedback
     return result
+
+
+def _height_ratio(motion, track):
+    """Final height of the centre of mass / planned, for a motion that lies on its body."""
+    if not robots.lies(motion.robot) or not track.com_m:
+        return None
+    return float(track.com_m[-1][0][2] / motion.plan["after"]["com_m"][2])
 
 
 def goals(motion):
@@ -129,6 +138,8 @@ def _holds(motion, result, late):
     """True if the robot does not fall and reaches its goals within tolerance."""
     if result["fell_at_s"] is not None or result["ratio"] is None:
         return False
+    if result["height_ratio"] is not None:
+        return BAND[0] <= result["height_ratio"] <= BAND[1]
     if not result["ratio"]:
         return all(abs(result["drift"][key]) <= STAYS[key] for key in STAYS)
     ratios = list(result["ratio"].values()) + (list(result["ratio_late"].values()) if late else [])

@@ -49,6 +49,12 @@ class Model:
             [body("wheel:" + f["name"]) if robots.spins(f) else self.links[f["link"]] for f in feet]
         )
         self.foot_geoms = [find(mujoco.mjtObj.mjOBJ_GEOM, "foot:" + f["name"]) for f in feet]
+        # Shapes of the root link, and of links without an end effector.
+        with_feet = {f["link"] for f in feet if f["contact"]["kind"] != "body_point"} - {0}
+        upper = [link for index, link in enumerate(robot["links"]) if index not in with_feet]
+        names = [f"shape:{link['name']}:{number}" for link in upper for number in range(len(link["shapes"]))]
+        shapes = [find(mujoco.mjtObj.mjOBJ_GEOM, name) for name in names]
+        self.trunk_geoms = {geom for geom in shapes if geom >= 0}
         joints = [joint("joint:" + j["name"]) for j in robot["joints"]]
         wheels = [joint("wheel:" + f["name"]) if robots.spins(f) else -1 for f in feet]
         self.joint_qpos, self.joint_dofs = m.jnt_qposadr[joints], m.jnt_dofadr[joints]

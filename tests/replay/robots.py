@@ -44,6 +44,17 @@ def from_plan(plan):
     return robot
 
 
+def lies(robot):
+    """True for the robot of a plan that lies on points of its body."""
+    return any(foot["contact"]["kind"] == "body_point" for foot in robot["end_effectors"])
+
+
+def with_body_points(robot, planned):
+    """The robot of a robot file with the points on which a planned robot lies, which the planner adds as end effectors."""
+    points = [foot for foot in planned["end_effectors"] if foot["contact"]["kind"] == "body_point"]
+    return robot | {"end_effectors": robot["end_effectors"] + points}
+
+
 def _resolve(data):
     robot = {"name": data["name"], "links": [], "joints": [], "end_effectors": []}
     index = {}

@@ -34,6 +34,7 @@ import tables  # noqa: E402
 import world  # noqa: E402
 from curves import Spline  # noqa: E402
 from errors import Unusable  # noqa: E402
+from falls import FallWatch  # noqa: E402
 from model import Ground, Model, nominal_poses  # noqa: E402
 from motion import Motion  # noqa: E402
 
@@ -240,6 +241,26 @@ class Physics(unittest.TestCase):
         self.assertAlmostEqual(way / (0.05 * turned), 1.0, delta=3e-3)
 
 
+    def test_a_robot_on_its_trunk_has_fallen_and_an_impact_is_none(self):
+        watch = FallWatch()
+        fell = lambda share, steps: [watch.fell(0.0, 1.0, share, 0.001) for _ in range(steps)]
+        # 1 − exp(−0.05 / 0.5) = 0.095 of the weight, below a quarter.
+        self.assertNotIn(True, fell(1.0, 50) + fell(0.0, 500))
+        # Then half of the weight from 0.095 / e = 0.035 reaches a quarter after 0.5 ln(0.465 / 0.25) = 0.31 s.
+        self.assertAlmostEqual(fell(0.5, 500).index(True), 310, delta=2)
+        lying = FallWatch(may_lie=True)
+        self.assertFalse(any(lying.fell(0.0, 1.0, 1.0, 0.001) for _ in range(5000)))
+        self.assertTrue(lying.fell(1.1, 1.0, 0.0, 0.001))
+        self.assertTrue(lying.fell(0.0, math.nan, 0.0, 0.001))
+
+    def test_a_trunk_is_what_carries_no_foot(self):
+        model = Model(named("agilebot"), G)
+        names = {mujoco.mj_id2name(model.m, mujoco.mjtObj.mjOBJ_GEOM, geom) for geom in model.trunk_geoms}
+        self.assertIn("shape:body:0", names)
+        self.assertIn("shape:front_left_thigh:0", names)
+        self.assertFalse(any("fork" in name for name in names))
+
+
 class Playing(unittest.TestCase):
     def test_a_periodic_spline_goes_on_with_two_derivatives(self):
         turn, shift = complex(math.cos(0.7), math.sin(0.7)), 0.4 - 0.2j
@@ -343,6 +364,14 @@ class Playing(unittest.TestCase):
 
 
 class Files(unittest.TestCase):
+    def test_points_of_a_lying_body_are_added_to_the_robot_of_the_file(self):
+        robot = named("agilebot")
+        point = dict(robot["end_effectors"][0], name="body_1", link=0, contact={"kind": "body_point"})
+        planned = robot | {"end_effectors": robot["end_effectors"] + [point]}
+        self.assertTrue(robots.lies(planned) and not robots.lies(robot))
+        self.assertIsNone(robots.difference(robots.with_body_points(robot, planned), planned))
+        self.assertIsNone(robots.difference(robots.with_body_points(robot, robot), robot))
+
     def test_errors_name_file_and_field(self):
         good = json.loads(json.dumps(standing(named("swizzlebot")).plan, default=list))
         good |= {"format": "rollwalk-plan", "version": 3}

@@ -14,13 +14,12 @@ import feedforward
 import player
 import robots
 from drives import Drives
+from falls import FallWatch
 from model import Ground, Model
 from motion import quantised_torques
 
 # If a motion is at rest at its ends, the robot settles before it, and comes to rest after it.
 SETTLE_S = 1.0
-# Limits of a fall: tilt relative to the plan, rad, and share of the planned height of the centre of mass.
-FALL_TILT_RAD, FALL_HEIGHT = 1.0, 0.55
 # An end effector with a smaller share of the weight is not in contact.
 STANDS = 0.01
 
@@ -144,6 +143,7 @@ class Simulation:
         self.kp = -m.actuator_biasprm[:, 1]
         self.kd = -m.actuator_biasprm[:, 2]
         self.drives = Drives(model, motion.rolling_sign_width_m_s)
+        self.falls = FallWatch(may_lie=robots.lies(model.robot))
         self.foot_of_geom = np.full(m.ngeom, -1)
         self.foot_of_geom[model.foot_geoms] = np.arange(len(model.foot_geoms))
         # Planned place of the base, up vector and stance at every step of a period.
@@ -219,6 +219,7 @@ class Simulation:
     def _contacts(self, during, high, low, position_rad):
         m, d, track = self.m, self.d, self.track
         self.load[:] = 0
+        on_trunk_n = 0.0
         slip = np.full(len(self.load), np.nan)
         contact = d.contact
         if d.ncon:
@@ -227,6 +228,7 @@ class Simulation:
             for i, (j, row) in enumerate(zip(feet, rows)):
                 force = d.efc_force[row] if row >= 0 else 0.0
                 if j < 0:
+                    on_trunk_n += force if geoms[i] in self.model.trunk_geoms else 0.0
                     if force > STANDS * self.weight:
                         name = mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_GEOM, geoms[i]).split(":")[1]
                         track.touched[name] = track.touched.get(name, 0) + 1
@@ -264,7 +266,7 @@ class Simulation:
         com = d.subtree_com[1][2]
         # The centre of mass is below its plan by as much as the body, whose origin is arbitrary.
         planned_com = com + height - d.xpos[1, 2]
-        if tilt > FALL_TILT_RAD or com < FALL_HEIGHT * planned_com or not math.isfinite(com):
+        if self.falls.fell(tilt, com / planned_com, on_trunk_n / self.weight, m.opt.timestep):
             track.fell_at_s = len(track.yaw_rad) * m.opt.timestep
 
     def _yaw(self):
