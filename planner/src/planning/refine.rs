@@ -1,9 +1,9 @@
 //! Refinement of the grid: a converged plan that fails the checks as played is planned again with more samples.
 //!
 //! The robot plays splines through the samples. Between samples, feet leave the ground and slip; the error shrinks with the
-//! spacing. Each refinement halves the spacing everywhere and starts from the plan before it, which is nearly feasible on the
-//! finer grid. Refinement ends when the plan passes, when finer grids do not help, or at the limit of samples. A plan that
-//! still fails has the status [`Status::FailsAsPlayed`].
+//! spacing. Each refinement halves the spacing everywhere, as far as the limit of samples permits, and starts from the plan
+//! before it, which is nearly feasible on the finer grid. Refinement ends when the plan passes, when finer grids do not help,
+//! or at the limit of samples. A plan that still fails has the status [`Status::FailsAsPlayed`].
 
 use super::attempt::attempt;
 use super::effort::Effort;
@@ -24,6 +24,8 @@ const MOST_ITERATIONS: usize = 200;
 /// Largest ratio of the worst residual after a refinement to the smallest before it, up to which the refinement counts as
 /// helpful.
 const HELPS: f64 = 0.8;
+/// Ratio of sample numbers from which a grid that cannot be doubled is refined to the limit of samples.
+const WORTHWHILE: f64 = 1.3;
 /// Number of unhelpful refinements after which no finer grid is tried.
 const IN_VAIN: usize = 2;
 
@@ -101,28 +103,46 @@ fn solved(
     effort: &mut Effort<'_>,
     resolve: &mut Resolve<'_>,
 ) -> Option<Solution> {
-    let finer = doubled(&coarse.plan.motion)?;
+    let motion = &coarse.plan.motion;
+    let finer = doubled(motion).or_else(|| with_most_samples(motion))?;
     let next = resolve(&coarse.plan, &finer, effort);
     (next.plan.solve.status == Status::Converged).then_some(next)
 }
 
-/// Returns the motion with twice the intervals, or `None` if the samples would be too many or too close. Feet lift off and land
-/// at the times of the coarse motion: as played, a foot stands between two samples if it stands at both.
+/// Returns the motion with twice the intervals, or `None` if the samples would be too many or too close.
 pub(super) fn doubled(motion: &Motion) -> Option<Motion> {
-    let next = |i: usize| match motion.stance.get(i + 1) {
-        None if motion.ends == Ends::Periodic => motion.stance.first(),
-        next => next,
+    let samples = motion.stance.len();
+    let twice = if motion.ends == Ends::Periodic { 2 * samples } else { 2 * samples - 1 };
+    let finer = resampled(motion, twice);
+    (twice <= SAMPLES_MAX as usize && is_sensible(&finer)).then_some(finer)
+}
+
+/// Returns the motion with the most samples that a motion may have, or `None` if they are hardly more or too close.
+fn with_most_samples(motion: &Motion) -> Option<Motion> {
+    let most = SAMPLES_MAX as usize;
+    let finer = resampled(motion, most);
+    (most as f64 >= WORTHWHILE * motion.stance.len() as f64 && is_sensible(&finer)).then_some(finer)
+}
+
+/// True if the samples are not too close. Half a percent is for the rounding of durations.
+fn is_sensible(motion: &Motion) -> bool {
+    motion.interval_s() > 0.995 * LEAST_SPACING_S
+}
+
+/// Returns the motion with more samples. Feet lift off and land at the times of the coarse motion: as played, a foot stands
+/// between two samples if it stands at both.
+fn resampled(motion: &Motion, samples: usize) -> Motion {
+    let coarse = motion.stance.len();
+    let (before, after) = match motion.ends {
+        Ends::Periodic => (coarse, samples),
+        Ends::AtRest | Ends::Prescribed => (coarse - 1, samples - 1),
     };
-    let mut stance = Vec::with_capacity(2 * motion.stance.len());
-    for (i, here) in motion.stance.iter().enumerate() {
-        stance.push(here.clone());
-        let between = |next: &Vec<bool>| here.iter().zip(next).map(|(a, b)| *a && *b).collect();
-        stance.extend(next(i).map(between));
-    }
-    let finer = Motion { stance, ..motion.clone() };
-    // Half a percent for the rounding of durations.
-    let sensible = finer.interval_s() > 0.995 * LEAST_SPACING_S;
-    (finer.stance.len() <= SAMPLES_MAX as usize && sensible).then_some(finer)
+    let at = |i: usize| {
+        let earlier = &motion.stance[i * before / after];
+        let later = &motion.stance[(i * before).div_ceil(after) % coarse];
+        earlier.iter().zip(later).map(|(a, b)| *a && *b).collect()
+    };
+    Motion { stance: (0..samples).map(at).collect(), ..motion.clone() }
 }
 
 #[cfg(test)]
@@ -152,6 +172,25 @@ mod tests {
         // A swing across the end of the period.
         let across = doubled(&walking(".####.", Ends::Periodic)).expect("few samples");
         assert_eq!(flags(&across), "..#######...");
+    }
+
+    #[test]
+    fn a_grid_that_cannot_be_doubled_is_refined_to_the_limit() {
+        for ends in [Ends::Periodic, Ends::AtRest] {
+            let pattern = "##########.....".repeat(20) + "#";
+            let motion = Motion { duration_s: 20.0, ..walking(&pattern, ends) };
+            assert_eq!(doubled(&motion), None);
+            let finer = with_most_samples(&motion).expect("more samples");
+            assert_eq!(finer.stance.len(), 480);
+            // Every swing stays, and lasts as long, up to a sample at each end.
+            let swings: Vec<usize> =
+                flags(&finer).split('#').map(str::len).filter(|&of| of > 0).collect();
+            assert_eq!(swings.len(), 20);
+            let longest = 6 * 480 / 301 + 1;
+            assert!(swings.iter().all(|of| (5 * 480 / 301..=longest).contains(of)), "{swings:?}");
+        }
+        let many = Motion { duration_s: 20.0, ..walking(&"#".repeat(400), Ends::AtRest) };
+        assert_eq!(with_most_samples(&many), None);
     }
 
     #[test]
