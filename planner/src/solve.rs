@@ -122,6 +122,8 @@ pub struct Solver<'a> {
     damping: f64,
     iteration: usize,
     step_length: f64,
+    /// Level up to which the constraints count as met: that of the settings, or of rows that no step lowers.
+    target_level: f64,
     /// Costs after the previous iteration.
     cost: f64,
     /// Level of the worst constraint in the best of the nearly flat iterations.
@@ -169,6 +171,7 @@ impl<'a> Solver<'a> {
         Self {
             system,
             settings,
+            target_level: settings.target_level,
             trials: Trials { system, spare: Vec::new() },
             normal,
             point,
@@ -216,7 +219,8 @@ impl<'a> Solver<'a> {
         let progress = self.progress();
         let level = progress.worst_level;
         let ended = self.end_without_step(level);
-        let Settings { target_level, flat, flat_cost, nearly_flat, .. } = *self.settings;
+        let Settings { flat, flat_cost, nearly_flat, .. } = *self.settings;
+        let target_level = self.target_level;
         // Where the quadratic model was right, another iteration would only confirm it.
         let change = (progress.cost - std::mem::replace(&mut self.cost, progress.cost)).abs();
         let is_flat = decrease < flat || change.min(mismatch) < flat_cost * progress.cost;
@@ -246,6 +250,8 @@ impl<'a> Solver<'a> {
     fn step(&mut self) -> StepEffect {
         let Point { unknowns, rows } = &mut self.point;
         self.system.differentiate(unknowns, rows, &self.shifts);
+        let fixed = progress::fixed_level(rows).min(ACCEPTED_LEVEL);
+        self.target_level = self.settings.target_level.max(fixed);
         self.normal.assemble(rows, &self.shifts, self.system.penalty());
         let mut rejected = false;
         let mut may_look = self.iteration > EASY_ITERATIONS;

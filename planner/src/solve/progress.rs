@@ -56,3 +56,11 @@ pub fn worst(rows: &Rows) -> (usize, f64) {
         .map(|(index, (row, value))| (index, level(row, value)))
         .fold((0, 0.0), |worst, this| if this.1 > worst.1 { this } else { worst })
 }
+
+/// Worst level of the rows that no unknown changes, such as those of a transition's first and last sample, whose states belong to
+/// other plans. `rows` must contain derivatives.
+pub fn fixed_level(rows: &Rows) -> f64 {
+    let is_fixed = |row: &Row| rows.derivatives[row.entries.clone()].iter().all(|d| *d == 0.0);
+    let levels = rows.iter().map(|(row, value)| (row, level(row, value)));
+    levels.filter(|(row, level)| *level > 0.0 && is_fixed(row)).map(|of| of.1).fold(0.0, f64::max)
+}
