@@ -17,7 +17,8 @@ ANSWER_S = 60.0
 
 
 class Control:
-    """The controller of a plan in a separate process, which ends with the `with` block."""
+    """The controller of a plan in a separate process, which ends with the `with` block. `robot` is the robot of the harness,
+    if it has one."""
 
     def __init__(self, rollwalk, plan, robot, feedback, control_hz, latency_s=0.0):
         words = [str(rollwalk), "control", str(plan), "--feedback", feedback, "--rate", str(control_hz)]
@@ -25,6 +26,10 @@ class Control:
         self.process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         self.unread = b""
         self.hello = self._read()
+        if robot is not None:
+            self._check(plan, robot)
+
+    def _check(self, plan, robot):
         feet = robot["end_effectors"]
         # Orders are those of the harness, which shares no code with the program.
         for key, names in (

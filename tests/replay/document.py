@@ -5,6 +5,7 @@
     python3 tests/replay/document.py tracked TRACKING.json
     python3 tests/replay/document.py retargeted RETARGETED.json
     python3 tests/replay/document.py identified IDENTIFIED.json
+    python3 tests/replay/document.py terrain TERRAIN.json
 """
 
 import json
@@ -32,6 +33,8 @@ def page(name, results):
         return "compared", {"Achieved by planned": tables.tracked(result)}
     if name == "retargeted":
         return "compared", {"Achieved by planned": tables.retargeted(result)}
+    if name == "terrain":
+        return "measured", {"Plans and runs": f"{tables.terrain_in_words(result)}\n\n{tables.terrain(result)}"}
     return "compared", {"Parameters": tables.identified(result), "Predicted runs": tables.predicted(result)}
 
 

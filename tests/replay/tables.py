@@ -406,3 +406,71 @@ def _percent(value):
 def _markdown(rows):
     lines = ["| " + " | ".join(row) + " |" for row in rows]
     return "\n".join([lines[0], "|" + "---|" * len(rows[0])] + lines[1:])
+
+
+def terrain(results):
+    """Table with a row for each motion on terrain."""
+    rows = [[
+        "motion of robot", "plan", "iterations (level)", "CPU / level", "open loop", "tracked", "MuJoCo, open loop",
+        "MuJoCo, tracked", "least clearance mm", "slid m, open loop",
+    ]]
+    for result in results:
+        name = f"`{result['motion']}` of {result['robot']}"
+        if "refused" in result:
+            rows.append([name, f"refused: {result['refused'].splitlines()[0]}", *["–"] * 8])
+            continue
+        level = result.get("level") or {}
+        rows.append([
+            name,
+            _verdict(result),
+            f"{result['iterations']} ({level['iterations']})" if "iterations" in level else str(result["iterations"]),
+            f"{result['cpu_s'] / level['cpu_s']:.1f}" if level.get("cpu_s") else "–",
+            *(_on_terrain(result[control]) for control in ("open", "tracked")),
+            *(_in_mujoco(result.get(control)) for control in ("mujoco_open", "mujoco_tracked")),
+            _number(min((of["distance_m"] for of in result["room"].values() if of), default=None), 1e3),
+            _number(result["open"]["slid_m"], 1.0, 2),
+        ])
+    return _markdown(rows)
+
+
+def terrain_in_words(results):
+    """Explanation of the table's columns, and the numbers of motions that pass."""
+    played = [result for result in results if "refused" not in result]
+    kept = [result for result in played if _verdict(result) == "passes"]
+    held = lambda control: sum(result[control]["holds"] for result in played)
+    lines = [
+        f"{len(results)} motions: {len(kept)} plans pass. In Rollwalk's simulator {held('open')} motions hold in open loop, "
+        f"{held('tracked')} tracked.",
+        "Distances and turns are achieved / planned; bold ones miss the plan. `level`: the same motion on level ground. CPU is the "
+        "time of `rollwalk plan` with its simulation. Risers are in percent of the body's height, kerbs in wheel radii. MuJoCo plays the exported model on the true ground. Clearances are those "
+        "of the plan: of links to each other and to the ground, and of feet in swing. `slid` is the sum of all feet and wheels.",
+    ]
+    return "\n\n".join(textwrap.fill(line, 130) for line in lines)
+
+
+def _verdict(result):
+    """Outcome of `rollwalk plan` in a few words."""
+    if result["judgement"] != "consistent":
+        return result["status"].replace("_", " ")
+    verdict = (result["simulation"] or {}).get("verdict")
+    return {"holds": "passes", "fails": "fails in simulation"}.get(verdict, "not simulated")
+
+
+def _on_terrain(run):
+    """Outcome of a run in Rollwalk's simulator."""
+    if run["fell_at_s"] is not None:
+        return f"falls {run['fell_at_s']:.1f} s"
+    way = run["cycles"][0]
+    ratios = [way[key] / run["planned"][key] for key, goal in zip(way, run["goals"]) if goal]
+    words = ", ".join(f"{ratio:.3f}" for ratio in ratios) or "stays"
+    return words if run["holds"] else f"**{words}**"
+
+
+def _in_mujoco(run):
+    """Outcome of a run of an exported motion."""
+    if run is None:
+        return "–"
+    if run["fell_at_s"] is not None:
+        return f"falls {run['fell_at_s']:.1f} s"
+    pairs = zip(run["played"], run["planned"], (0.02, 0.02, 0.05))
+    return ", ".join(f"{played / planned:.3f}" for played, planned, least in pairs if abs(planned) > least) or "stays"

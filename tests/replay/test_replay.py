@@ -31,6 +31,7 @@ import player  # noqa: E402
 import recorded  # noqa: E402
 import robots  # noqa: E402
 import tables  # noqa: E402
+import terrain_cases  # noqa: E402
 import world  # noqa: E402
 from curves import Spline  # noqa: E402
 from errors import Unusable  # noqa: E402
@@ -536,6 +537,29 @@ class Logs(unittest.TestCase):
 
 
 class Words(unittest.TestCase):
+    def test_motions_on_terrain_are_compared_with_level_ground(self):
+        run = {"fell_at_s": None, "cycles": [{"forward_m": 0.9, "left_m": 0.0}], "planned": {"forward_m": 1.0, "left_m": 0.0}}
+        run |= {"goals": [True, False], "holds": False, "slid_m": 0.125}
+        played = {"fell_at_s": 2.0, "planned": [1.0, 0.0, 0.0], "played": [0.5, 0.0, 0.0], "slid_m": 0.1}
+        result = {
+            "robot": "r", "motion": "kerb", "level": {"iterations": 4, "cpu_s": 0.5}, "status": "converged", "iterations": 9,
+            "cpu_s": 1.0, "judgement": "consistent", "simulation": {"verdict": "fails"},
+            "room": {"swing": None, "links": {"distance_m": 0.02}, "ground": {"distance_m": 0.01}},
+            "open": run, "tracked": run | {"holds": True}, "mujoco_open": played, "mujoco_tracked": played | {"fell_at_s": None},
+        }
+        refused = {"robot": "r", "motion": "gap", "refused": "too wide\nhelp"}
+        rows = tables.terrain([result, refused]).splitlines()[2:]
+        expected = "| `kerb` of r | fails in simulation | 9 (4) | 2.0 | **0.900** | 0.900 | falls 2.0 s | 0.500 | 10.0 | 0.12 |"
+        self.assertEqual(rows[0], expected)
+        self.assertTrue(rows[1].startswith("| `gap` of r | refused: too wide | – |"))
+
+    def test_cases_of_a_robot_have_different_names(self):
+        size = terrain_cases.Size(0.3, 0.4, 0.05)
+        for robot in ("agilebot", "pup", "anymal_wheels", "other"):
+            names = [case.name for case in terrain_cases.of_robot(robot, size)]
+            self.assertEqual(len(names), len(set(names)))
+            self.assertGreaterEqual(len(names), 5)
+
     @staticmethod
     def result(motion, kind, ratio, marked=None, fell=None):
         drift = {"forward_m": 0.0, "left_m": 0.001, "turn_rad": 0.0}

@@ -17,10 +17,11 @@ const BENCHMARKS: (&str, &str) = ("apps/bench", "rollwalk-bench");
 /// Options of `cargo xtask measured`.
 #[derive(clap::Args)]
 pub struct Options {
-    /// Pages to write: the benchmarks of `rollwalk bench`, replay, tracked, retargeted, identified and fatrop. All by default.
+    /// Pages to write: the benchmarks of `rollwalk bench`, replay, tracked, retargeted, identified, terrain and fatrop. All by
+    /// default.
     #[arg(value_name = "PAGE")]
     pages: Vec<String>,
-    /// URDF files of robots that `replay` and `tracked` also import and play.
+    /// URDF files of robots that `replay`, `tracked` and `terrain` also import and play.
     #[arg(long, value_name = "ROBOT.urdf")]
     urdf: Vec<PathBuf>,
     /// Print the names of the pages, then exit.
@@ -193,7 +194,16 @@ mod tests {
         let names: Vec<_> = pages.iter().map(|page| page.name.as_str()).collect();
         assert_eq!(
             names,
-            ["table-2-1", "samples", "replay", "tracked", "retargeted", "identified", "fatrop"]
+            [
+                "table-2-1",
+                "samples",
+                "replay",
+                "tracked",
+                "retargeted",
+                "identified",
+                "terrain",
+                "fatrop"
+            ]
         );
         assert_eq!(pages[0].title, "Table 2.1: its motions twice");
     }

@@ -3,6 +3,7 @@
 
 mod behind_firmware;
 mod retargeted;
+mod terrain;
 mod tracked;
 mod urdf;
 
@@ -43,11 +44,14 @@ pub enum Table {
     Retargeted,
     /// Robots identified from runs in MuJoCo, and predictions of other runs.
     Identified,
+    /// Motions on slopes, stairs, kerbs and rough ground and among obstacles, in both simulators.
+    Terrain,
 }
 
 impl Table {
     /// List of all tables.
-    pub const ALL: [Self; 4] = [Self::Shipped, Self::Tracked, Self::Retargeted, Self::Identified];
+    pub const ALL: [Self; 5] =
+        [Self::Shipped, Self::Tracked, Self::Retargeted, Self::Identified, Self::Terrain];
 
     /// Name of the table's page.
     pub fn name(self) -> &'static str {
@@ -56,6 +60,7 @@ impl Table {
             Self::Tracked => "tracked",
             Self::Retargeted => "retargeted",
             Self::Identified => "identified",
+            Self::Terrain => "terrain",
         }
     }
 
@@ -66,6 +71,7 @@ impl Table {
             Self::Tracked => "Closed loop and open loop in MuJoCo",
             Self::Retargeted => "Retargeted motions in two simulators",
             Self::Identified => "Robots identified from recordings of MuJoCo",
+            Self::Terrain => "Motions on terrain in two simulators",
         }
     }
 }
@@ -123,6 +129,10 @@ pub fn measure(table: Table, urdfs: &[PathBuf]) -> Result<Measurement, String> {
             identified.arg(&replay.rollwalk).arg("-o").arg(&folder).arg("--json").arg(&results);
             shell::run(&mut identified)?;
             vec![results]
+        }
+        Table::Terrain => {
+            replay = replay.optimised()?;
+            vec![terrain::compare(&replay, urdfs)?]
         }
     };
     let page = shell::output(replay.python("document.py").arg(table.name()).args(results))?;

@@ -3,6 +3,7 @@
 use super::Replay;
 use crate::shell;
 use serde_json::Value;
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -42,6 +43,26 @@ pub struct PlannedRobot {
     pub plans: Vec<PathBuf>,
 }
 
+/// Imports the robot into a folder of its name with the proposed side file; returns the path of the robot file.
+///
+/// # Errors
+/// Returns an error if the import fails.
+pub fn imported(replay: &Replay, urdf: &Path) -> Result<PathBuf, String> {
+    let folder = replay.out.join(urdf.file_stem().unwrap_or_default());
+    let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
+    // The import never replaces a side file.
+    if folder.exists() {
+        fs::remove_dir_all(&folder).map_err(failed)?;
+    }
+    fs::create_dir_all(&folder).map_err(failed)?;
+    let (side, robot) = (folder.join("side.toml"), folder.join("robot.toml"));
+    let import = [OsStr::new("robot"), OsStr::new("import"), urdf.as_os_str()];
+    let import = || replay.rollwalk(&import);
+    shell::output(import().arg("--template").arg(&side))?;
+    shell::output(import().arg("--with").arg(&side).arg("-o").arg(&robot))?;
+    Ok(robot)
+}
+
 /// Imports the robot and plans its motions.
 ///
 /// # Errors
@@ -49,17 +70,11 @@ pub struct PlannedRobot {
 pub fn planned(replay: &Replay, urdf: &Path) -> Result<PlannedRobot, String> {
     let run = |args: &[&str]| shell::output(&mut replay.rollwalk(args));
     let stem = urdf.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let robot = imported(replay, urdf)?;
     let folder = replay.out.join(&stem);
     let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
-    // The import never replaces a side file.
-    if folder.exists() {
-        fs::remove_dir_all(&folder).map_err(failed)?;
-    }
-    fs::create_dir_all(&folder).map_err(failed)?;
     let path = |name: &str| folder.join(name).to_string_lossy().into_owned();
-    let (side, robot, file) = (path("side.toml"), path("robot.toml"), urdf.to_string_lossy());
-    run(&["robot", "import", &file, "--template", &side])?;
-    run(&["robot", "import", &file, "--with", &side, "-o", &robot])?;
+    let robot = robot.to_string_lossy().into_owned();
     let check: Value = serde_json::from_str(&run(&["robot", "check", &robot, "--json"])?)
         .map_err(|error| format!("{robot}: {error}"))?;
     let height_m = check["standing"]["body_height_m"]
