@@ -10,6 +10,7 @@ use crate::touch::Touch;
 use nalgebra::{Matrix3, Matrix6, Matrix6x3, Vector3, Vector6};
 use std::any::Any;
 use std::fmt::{self, Debug};
+use std::ops::{Add, Mul};
 
 pub use crate::friction::StickingFriction;
 
@@ -29,6 +30,22 @@ impl Wrench {
         all.fixed_rows_mut::<3>(0).copy_from(&self.force);
         all.fixed_rows_mut::<3>(3).copy_from(&self.moment);
         all
+    }
+}
+
+impl Add for Wrench {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self { force: self.force + other.force, moment: self.moment + other.moment }
+    }
+}
+
+impl Mul<f64> for Wrench {
+    type Output = Self;
+
+    fn mul(self, factor: f64) -> Self {
+        Self { force: self.force * factor, moment: self.moment * factor }
     }
 }
 

@@ -67,6 +67,7 @@ mod report;
 mod residual;
 pub mod rotation;
 pub mod sensitivity;
+pub mod slide;
 pub mod soft;
 pub mod spring;
 mod sticking;

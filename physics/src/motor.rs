@@ -1,7 +1,8 @@
-//! Motor on a hinge: position and speed loop within the motor's limits, rotor inertia, and mechanical stops.
+//! Motor on a hinge or prismatic joint: position and speed loop within the motor's limits, rotor inertia, and mechanical stops.
 
 use crate::force::{Derivative, Force, Kink, StateBlock, StickingFriction, View, Wrench};
 use crate::motion::BodyMotion;
+use crate::slide::Slide;
 use nalgebra::{Matrix3, Matrix6x3, Vector3};
 use rollwalk_multibody::rotation::skew;
 use rollwalk_robot::{Actuator, JointSpring, TorqueSpeedLine};
@@ -116,15 +117,17 @@ pub(crate) struct LawDerivatives {
     pub kd_rad_s: f64,
 }
 
-/// Motor of a hinge. The first body carries the motor, and the second is driven.
+/// Motor of a hinge or of a prismatic joint. The first body carries the motor, and the second is driven.
 #[derive(Clone, Debug)]
 pub struct Motor {
     /// Indices of the carrying and the driven body.
     pub bodies: [usize; 2],
-    /// Unit axis of the hinge, in axes of the first body.
+    /// Unit axis of the joint, in axes of the first body.
     pub axis: Vector3<f64>,
     /// Unit vectors across the axis, each in the axes of its body. They are parallel at angle 0.
     pub across: [Vector3<f64>; 2],
+    /// Pinion of a prismatic joint; `None` for a hinge.
+    pub slide: Option<Slide>,
     /// Inertia of rotor and gearbox at the output, kg·m².
     pub armature_kg_m2: f64,
     /// Mechanical stops; `None` for a hinge without stops.
@@ -156,7 +159,7 @@ impl Stops {
 }
 
 impl Motor {
-    /// Unit axis of the hinge, in world axes.
+    /// Unit axis of the joint, in world axes.
     pub fn axis_in_world(&self, carrier: &BodyMotion) -> Vector3<f64> {
         carrier.rotation * self.axis
     }
@@ -164,6 +167,9 @@ impl Motor {
     /// Angle of the second body relative to the first about the axis, rad. The result is within half a turn of the angle at the
     /// end of the previous step.
     pub fn angle(&self, now: &[BodyMotion]) -> f64 {
+        if let Some(slide) = &self.slide {
+            return slide.angle_and_speed(&self.axis, now)[0];
+        }
         let (sine, cosine, _) = self.sine_cosine(now);
         let within_turn = sine.atan2(cosine);
         let apart = self.angle_rad - within_turn;
@@ -172,7 +178,19 @@ impl Motor {
 
     /// Speed of the second body about the axis relative to the first, rad/s.
     pub fn speed(&self, now: &[BodyMotion]) -> f64 {
+        if let Some(slide) = &self.slide {
+            return slide.angle_and_speed(&self.axis, now)[1];
+        }
         self.axis_in_world(&now[0]).dot(&(now[1].spin - now[0].spin))
+    }
+
+    /// Wrenches on both bodies for a torque of 1 N·m.
+    pub(crate) fn unit_wrenches(&self, now: &[BodyMotion]) -> [Wrench; 2] {
+        if let Some(slide) = &self.slide {
+            return slide.unit_wrenches(&self.axis, now);
+        }
+        let moment = self.axis_in_world(&now[0]);
+        [-moment, moment].map(|moment| Wrench { moment, ..Wrench::default() })
     }
 
     /// Torque of the control law at the motions `now`, without rotor inertia, spring and stops.
@@ -256,9 +274,11 @@ impl Force for Motor {
     }
 
     fn kink(&self, now: &[BodyMotion], _held: Option<StickingFriction>) -> Option<Kink<'_>> {
-        let axis = self.axis_in_world(&now[0]);
-        let mut lever = Matrix6x3::zeros();
-        lever.fixed_view_mut::<3, 1>(3, 0).copy_from(&axis);
+        let levers = self.unit_wrenches(now).map(|wrench| {
+            let mut lever = Matrix6x3::zeros();
+            lever.set_column(0, &wrench.stacked());
+            lever
+        });
         let (angle, speed) = (self.angle(now), self.speed(now));
         let law = move |gain: f64, shift: &Vector3<f64>| {
             let torque = self.bounded(angle + shift.x, speed + gain * shift.x);
@@ -268,10 +288,17 @@ impl Force for Motor {
                 Matrix3::from_diagonal(&Vector3::new(by_shift, 0.0, 0.0)),
             )
         };
-        Some(Kink { levers: [-lever, lever], directions: 1, always: false, law: Box::new(law) })
+        Some(Kink { levers, directions: 1, always: false, law: Box::new(law) })
     }
 
     fn wrenches(&self, view: &View<'_>, wrenches: &mut [Wrench]) {
+        if let Some(slide) = &self.slide {
+            let torque_nm = self.moment(view).value_nm;
+            for (to, unit) in wrenches.iter_mut().zip(slide.unit_wrenches(&self.axis, view.now)) {
+                *to = *to + unit * torque_nm;
+            }
+            return;
+        }
         let moment = self.axis_in_world(&view.now[0]) * self.moment(view).value_nm;
         wrenches[0].moment -= moment;
         wrenches[1].moment += moment;
@@ -284,6 +311,12 @@ impl Force for Motor {
         derivatives: &mut [Derivative],
     ) {
         let torque = self.moment(view);
+        if let Some(slide) = &self.slide {
+            self.wrenches(view, wrenches);
+            let law = [torque.value_nm, torque.by_angle, torque.by_speed];
+            slide.add_derivatives(&self.axis, view, law, derivatives);
+            return;
+        }
         let axis = self.axis_in_world(&view.now[0]);
         let gradient = self.angle_by_turn(view.now);
         wrenches[0].moment -= axis * torque.value_nm;
@@ -308,6 +341,11 @@ impl Force for Motor {
         let axis_now = self.axis_in_world(&view.now[0]);
         let times = [(view.last, last), (view.before, before)];
         for ((then, derivatives), gain) in times.into_iter().zip(view.weights.earlier_gains()) {
+            if let Some(slide) = &self.slide {
+                let gain = -self.armature_kg_m2 * gain;
+                slide.add_history(&self.axis, view, then, gain, derivatives);
+                continue;
+            }
             let axis = self.axis_in_world(&then[0]);
             let relative = then[1].spin - then[0].spin;
             let moment = axis_now * (-self.armature_kg_m2 * gain);
@@ -333,6 +371,7 @@ mod tests {
             bodies: [0, 1],
             axis: Vector3::y(),
             across: [Vector3::x(), Vector3::z()],
+            slide: None,
             armature_kg_m2: 0.02,
             stops: None,
             spring: None,

@@ -127,6 +127,7 @@ pub fn robot() -> Robot {
             child: k + 1,
             parent_from_joint: Isometry3::translation(x, y, 0.0),
             axis_in_joint: Vector3::y(),
+            travel_m_per_rad: None,
             position_min_rad: -1.0,
             position_max_rad: 1.0,
             nominal_rad: 0.3,

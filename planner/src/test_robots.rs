@@ -12,8 +12,8 @@ use rollwalk_robot::{
 };
 
 /// Shipped robots with driven wheels, free wheels and feet, and variants of them: AgileBot on welded wheels, AgileBot with
-/// torque-speed lines and coupled motors, AgileBot with passive joints, SwizzleBot on two inline wheels per leg with drag, and
-/// SwizzleBot on skates.
+/// torque-speed lines and coupled motors, AgileBot with passive joints, AgileBot with prismatic joints, SwizzleBot on two inline
+/// wheels per leg with drag, and SwizzleBot on skates.
 pub fn all() -> Vec<Robot> {
     let [agilebot, swizzlebot, creature3] = [
         ("agilebot.toml", include_str!("../../shipped/robots/agilebot.toml")),
@@ -25,6 +25,7 @@ pub fn all() -> Vec<Robot> {
         welded(&agilebot),
         coupled(with_lines(&agilebot)),
         sprung(&agilebot),
+        sliding(&agilebot),
         inline(&swizzlebot),
         on_skates(&swizzlebot),
     ];
@@ -117,6 +118,16 @@ fn sprung(robot: &Robot) -> Robot {
         joint.actuator = Actuator::none();
         joint.spring =
             Some(JointSpring { stiffness_nm_rad: 12.0, rest_rad, damping_nm_s_rad: 0.05 });
+    }
+    robot
+}
+
+/// Returns AgileBot with prismatic joints at different places of its legs: knees, hips, and both ends of a leg.
+fn sliding(robot: &Robot) -> Robot {
+    let mut robot = Robot { name: format!("{}_sliding", robot.name), ..robot.clone() };
+    for (joint, travel_m_per_rad) in [(2, 0.1), (4, 0.2), (6, 0.05), (9, 0.1), (12, 0.1), (15, 0.3)]
+    {
+        robot.joints[joint].travel_m_per_rad = Some(travel_m_per_rad);
     }
     robot
 }

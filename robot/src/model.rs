@@ -4,10 +4,14 @@ use crate::actuator::Actuator;
 use crate::contact::Contact;
 use crate::shape::{self, Shape};
 use crate::spring::JointSpring;
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use rollwalk_protocol::actuators::bus::Bus;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
+
+/// Allowed displacements of prismatic joints per radian, m/rad.
+pub(crate) const TRAVEL_M_PER_RAD: RangeInclusive<f64> = 1e-3..=1.0;
 
 /// Robot with legs and wheels, read from a robot file. `docs/conventions.md` defines the frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -47,7 +51,10 @@ pub struct Link {
     pub shapes: Vec<Shape>,
 }
 
-/// Revolute joint with a motor, or a passive joint with a spring.
+/// Revolute or prismatic joint with a motor, or a passive revolute joint with a spring.
+///
+/// Angles and torques of a prismatic joint are those of a pinion that drives it: position / `travel_m_per_rad`, and force ×
+/// `travel_m_per_rad`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Joint {
@@ -62,6 +69,9 @@ pub struct Joint {
     pub parent_from_joint: Isometry3<f64>,
     /// Unit axis in the joint frame.
     pub axis_in_joint: Vector3<f64>,
+    /// Displacement of a prismatic joint along its axis per radian, m/rad; `None` for a revolute joint.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub travel_m_per_rad: Option<f64>,
     /// Lower limit of the angle, rad.
     pub position_min_rad: f64,
     /// Upper limit of the angle, rad.
@@ -112,6 +122,25 @@ pub struct JointRatio {
 }
 
 impl Joint {
+    /// Returns true for a joint that slides along its axis.
+    pub fn is_prismatic(&self) -> bool {
+        self.travel_m_per_rad.is_some()
+    }
+
+    /// Displacement per radian: 1 rad/rad, or the travel of a prismatic joint, m/rad.
+    pub fn per_rad(&self) -> f64 {
+        self.travel_m_per_rad.unwrap_or(1.0)
+    }
+
+    /// Pose of the child link in the joint frame at an angle, rad.
+    pub fn joint_from_child(&self, angle_rad: f64) -> Isometry3<f64> {
+        let moved = self.axis_in_joint * angle_rad;
+        match self.travel_m_per_rad {
+            Some(travel_m_per_rad) => Translation3::from(moved * travel_m_per_rad).into(),
+            None => Isometry3::from_parts(Translation3::identity(), UnitQuaternion::new(moved)),
+        }
+    }
+
     /// Returns true for a joint without a servo, which a spring holds.
     pub fn is_passive(&self) -> bool {
         self.actuator.is_none()

@@ -18,10 +18,16 @@ fn agilebot() -> Robot {
 fn nominal_links(robot: &Robot) -> Vec<Isometry3<f64>> {
     let mut links = vec![Isometry3::identity(); robot.links.len()];
     for joint in &robot.joints {
-        let turn = UnitQuaternion::new(joint.axis_in_joint * joint.nominal_rad);
-        links[joint.child] = links[joint.parent]
-            * joint.parent_from_joint
-            * Isometry3::from_parts(Translation3::identity(), turn);
+        let moved = match joint.travel_m_per_rad {
+            Some(travel) => {
+                Translation3::from(joint.axis_in_joint * (travel * joint.nominal_rad)).into()
+            }
+            None => Isometry3::from_parts(
+                Translation3::identity(),
+                UnitQuaternion::new(joint.axis_in_joint * joint.nominal_rad),
+            ),
+        };
+        links[joint.child] = links[joint.parent] * joint.parent_from_joint * moved;
     }
     links
 }
@@ -75,6 +81,7 @@ fn all() -> Vec<(Robot, [usize; 3], std::ops::Range<f64>)> {
         "pup": [8, 4, 12], 0.6..0.7;
         "pup_belt": [8, 4, 12], 0.6..0.7;
         "pup_five_bar": [8, 4, 12], 0.6..0.7;
+        "pup_linear": [8, 4, 8], 0.5..0.6;
         "pup_toes": [12, 4, 8], 0.5..0.6;
         "skatebot": [16, 8, 16], 0.4..0.7;
         "skaterbot": [16, 8, 16], 4.0..5.0;

@@ -108,6 +108,7 @@ mod tests {
             child,
             parent_from_joint: Isometry3::new(origin_m.into(), Vector3::new(0.1, -0.2, 0.3)),
             axis_in_joint: Vector3::from(axis).normalize(),
+            travel_m_per_rad: None,
             position_min_rad: -3.0,
             position_max_rad: 3.0,
             nominal_rad: 0.0,

@@ -52,6 +52,7 @@ pub fn robot() -> Robot {
         child,
         parent_from_joint: Isometry3::translation(0.0, 0.0, z_m),
         axis_in_joint: Vector3::y(),
+        travel_m_per_rad: None,
         position_min_rad: -1.5,
         position_max_rad: 1.5,
         nominal_rad,

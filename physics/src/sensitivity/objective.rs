@@ -6,6 +6,7 @@
 
 use crate::motor::Motor;
 use crate::sensitivity::{Rollout, Variation};
+use crate::slide::Rows;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation::{log, right_jacobian_inverse};
 use std::f64::consts::TAU;
@@ -93,9 +94,18 @@ impl Residual {
         let now = motor.bodies.map(|body| rollout.motions(step)[body]);
         let off = motor.angle(&now) - target_rad;
         let value = weight * (off - TAU * (off / TAU).round());
+        let [first, second] = motor.bodies;
+        if let Some(slide) = &motor.slide {
+            let Rows { shift, turn, .. } = slide.rows(&motor.axis, &now);
+            let of = |k: usize| Variation {
+                shift: shift[k] * weight,
+                turn: turn[k] * weight,
+                ..Variation::default()
+            };
+            return Self { value, by: vec![(step, first, of(0)), (step, second, of(1))] };
+        }
         let turn = motor.angle_by_turn(&now) * weight;
         let of = |turn| Variation { turn, ..Variation::default() };
-        let [first, second] = motor.bodies;
         Self { value, by: vec![(step, first, of(-turn)), (step, second, of(turn))] }
     }
 
@@ -108,10 +118,23 @@ impl Residual {
         weight: f64,
     ) -> Self {
         let now = motor.bodies.map(|body| rollout.motions(step)[body]);
+        let [first, second] = motor.bodies;
+        if let Some(slide) = &motor.slide {
+            let rows = slide.rows(&motor.axis, &now);
+            let of = |k: usize| Variation {
+                shift: rows.speed_by_shift[k] * weight,
+                turn: rows.speed_by_turn[k] * weight,
+                velocity: rows.shift[k] * weight,
+                spin: rows.turn[k] * weight,
+            };
+            return Self {
+                value: weight * (motor.speed(&now) - target_rad_s),
+                by: vec![(step, first, of(0)), (step, second, of(1))],
+            };
+        }
         let axis = motor.axis_in_world(&now[0]) * weight;
         let relative = now[1].spin - now[0].spin;
         let none = Variation::default();
-        let [first, second] = motor.bodies;
         let of_first = Variation { turn: axis.cross(&relative), spin: -axis, ..none };
         Self {
             value: axis.dot(&relative) - weight * target_rad_s,

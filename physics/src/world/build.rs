@@ -79,6 +79,7 @@ impl<'a> Build<'a> {
                 axes: [turn * joint.axis_in_joint, joint.axis_in_joint],
                 across: [turn * across, across],
                 size_m: gyration_m(&self.inertias[joint.child]),
+                travel_m_per_rad: joint.travel_m_per_rad,
             };
             hinge.add(&mut self.assembly, self.parameters);
             let stops = Some(stops(joint));
@@ -138,6 +139,7 @@ impl<'a> Build<'a> {
                 axes: [axis; 2],
                 across: [across; 2],
                 size_m: gyration_m(&inertia),
+                travel_m_per_rad: None,
             };
             hinge.add(&mut self.assembly, self.parameters);
             if let Some(actuator) = end_effector.contact.actuator() {

@@ -63,7 +63,11 @@ pub(super) fn link_motions(
         .collect();
     for (number, joint) in robot.joints.iter().enumerate() {
         let parent = motions[joint.parent];
-        let (_, velocity) = parent.point(&joint.parent_from_joint.translation.vector);
+        let (_, mut velocity) = parent.point(&joint.parent_from_joint.translation.vector);
+        if let Some(slide) = &frames.joint_slides[number] {
+            let moved = slide * state.joint_rad[number];
+            velocity += parent.spin.cross(&moved) + slide * state.joint_rad_s[number];
+        }
         let child = &mut motions[joint.child];
         child.velocity = velocity;
         child.spin = parent.spin + frames.joint_axes[number] * state.joint_rad_s[number];

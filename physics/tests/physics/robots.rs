@@ -2,11 +2,12 @@
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
+use rollwalk_multibody::{Kinematics, Tree};
 use rollwalk_physics::friction::FrictionModel;
 use rollwalk_physics::motor::Law;
 use rollwalk_physics::world::{Parameters, RobotState};
 use rollwalk_physics::{Scheme, World};
-use rollwalk_robot::{Channel, Robot, SoftMaterial};
+use rollwalk_robot::{Channel, GRAVITY_M_S2, Robot, SoftMaterial};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -314,10 +315,28 @@ contact = "point_foot"
 #[test]
 fn a_joint_with_a_spring_oscillates_with_its_period_and_damping() {
     let robot = Robot::from_toml("two_links.toml", TWO_LINKS).unwrap();
+    oscillates(&robot, 0.012 * 0.004 / (0.012 + 0.004) + 0.002);
+}
+
+/// Masses of both links in series oscillate along the axis, seen at the pinion.
+#[test]
+fn a_prismatic_joint_with_a_spring_oscillates_with_its_period_and_damping() {
+    let travel_m = 0.1;
+    let slide = "kind = \"prismatic\"\ntravel_m_per_rad = 0.1\nposition_min_m = -0.3\nposition_max_m = 0.3\nnominal_m = 0.0\n";
+    let spring = "{ stiffness_n_m = 300.0, rest_m = 0.04, damping_n_s_m = 1.0 }";
+    let text = TWO_LINKS
+        .replacen("position_min_rad = -3.0\nposition_max_rad = 3.0\nnominal_rad = 0.0\n", slide, 1)
+        .replacen("{ stiffness_nm_rad = 3.0, rest_rad = 0.4, damping_nm_s_rad = 0.01 }", spring, 1);
+    let robot = Robot::from_toml("two_links.toml", &text).unwrap();
+    assert!((robot.joints[0].spring.unwrap().stiffness_nm_rad - 3.0).abs() < 1e-12);
+    oscillates(&robot, 1.0 * 0.5 / (1.0 + 0.5) * travel_m * travel_m + 0.002);
+}
+
+/// Compares the joint of two free links with a damped oscillator of the given inertia.
+fn oscillates(robot: &Robot, inertia_kg_m2: f64) {
     let spring = robot.joints[0].spring.unwrap();
-    let mut parameters = Parameters::new(&robot);
+    let mut parameters = Parameters::new(robot);
     parameters.settings.gravity_m_s2 = Vector3::zeros();
-    let inertia_kg_m2 = 0.012 * 0.004 / (0.012 + 0.004) + 0.002;
     let decay_per_s = 0.5 * spring.damping_nm_s_rad / inertia_kg_m2;
     let omega = (spring.stiffness_nm_rad / inertia_kg_m2 - decay_per_s.powi(2)).sqrt();
     let amplitude_rad = 0.5;
@@ -327,10 +346,10 @@ fn a_joint_with_a_spring_oscillates_with_its_period_and_damping() {
         spring.rest_rad + amplitude_rad * (-decay_per_s * time_s).exp() * swing
     };
     let worst_rad = |step_s: f64| {
-        let mut state = RobotState::nominal(&robot, Vector3::new(0.0, 0.0, 3.0));
+        let mut state = RobotState::nominal(robot, Vector3::new(0.0, 0.0, 3.0));
         state.joint_rad[0] = spring.rest_rad + amplitude_rad;
         let ground: Arc<dyn Ground> = Arc::new(Plane::level());
-        let mut world = World::new(&robot, &ground, &parameters, &state);
+        let mut world = World::new(robot, &ground, &parameters, &state);
         let steps = (2.0 * TAU / omega / step_s) as usize;
         let error = |step: usize| {
             world.step(step_s).unwrap();
@@ -372,4 +391,55 @@ fn sprung_toes_settle_where_the_spring_balances_ground_force_and_weight() {
         let yields_rad = 0.28 - toe;
         assert!((0.05..0.12).contains(&yields_rad), "{}: {yields_rad} rad", joint.name);
     }
+}
+
+/// Tests that velocities of a world that begins with a turning body and a moving slide are those of its kinematics.
+#[test]
+fn a_world_begins_with_the_speeds_of_its_slides() {
+    let robot = robot("pup_linear");
+    let mut state = RobotState::nominal(&robot, Vector3::z());
+    state.base_spin_rad_s = Vector3::new(0.4, -1.1, 0.7);
+    state.base_velocity_m_s = Vector3::new(0.3, 0.1, -0.2);
+    for (joint, speed) in state.joint_rad_s.iter_mut().enumerate() {
+        *speed = 0.5 + joint as f64;
+    }
+    let ground: Arc<dyn Ground> = Arc::new(Plane::level());
+    let world = World::new(&robot, &ground, &Parameters::new(&robot), &state);
+    let tree = Tree::new(&robot);
+    let found = world.state(&tree);
+    for joint in 0..robot.joints.len() {
+        let [angle_rad, speed_rad_s] = world.joint(joint);
+        assert!((angle_rad - state.joint_rad[joint]).abs() < 1e-9, "{joint}: {angle_rad}");
+        assert!((speed_rad_s - state.joint_rad_s[joint]).abs() < 1e-9, "{joint}: {speed_rad_s}");
+    }
+    let mut kinematics = Kinematics::new(&tree, &found.configuration());
+    kinematics.update(&tree, &found.configuration(), &found.velocity);
+    for (link, motion) in world.system().motions().iter().take(robot.links.len()).enumerate() {
+        let com = kinematics.frames.link_com(&tree, link);
+        assert!((com - motion.position).norm() < 1e-9, "{link}");
+        let velocity = kinematics.point_velocity(link, &com);
+        assert!(
+            (velocity - motion.velocity).norm() < 1e-9,
+            "{link}: {velocity} {}",
+            motion.velocity
+        );
+    }
+}
+
+/// A robot on telescopic legs stands: its servos carry the weight by the force of their pinions.
+#[test]
+fn telescopic_legs_carry_the_weight() {
+    let robot = robot("pup_linear");
+    let parameters = Parameters::new(&robot);
+    let mut world = standing(&robot, Plane::level(), &parameters);
+    for _ in 0..240 {
+        world.step(STEP_S).unwrap();
+    }
+    let travel_m = robot.joints[1].travel_m_per_rad.unwrap();
+    let hoisted_n: f64 = (0..4).map(|leg| world.shaft(2 * leg + 1)[2] / travel_m).sum();
+    let shins_kg: f64 =
+        (0..4).map(|leg| robot.links[robot.joints[2 * leg + 1].child].mass_kg).sum();
+    let expected_n = (robot.total_mass_kg() - shins_kg) * GRAVITY_M_S2;
+    // Legs lean by less than 0.1 rad on their servos.
+    assert!((hoisted_n / expected_n - 1.0).abs() < 0.01, "{hoisted_n} of {expected_n} N");
 }

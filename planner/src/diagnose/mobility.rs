@@ -20,7 +20,8 @@ pub struct Mobility {
     could_step: bool,
     /// True if there are wheels or blades that no joint steers.
     could_steer: bool,
-    /// True if the goal is sideways or a turn, and all joint axes are lateral. Feet then move in forward planes only.
+    /// True if the goal is sideways or a turn, and all joints turn about lateral axes or slide in forward planes. Feet then move
+    /// in forward planes only.
     is_planar_aside: bool,
     /// True if the duration is below the maximum of a motion.
     could_last: bool,
@@ -33,14 +34,17 @@ impl Mobility {
             (Tree::new(robot), robot.joints.iter().map(|joint| joint.nominal_rad).collect());
         let (base_position_m, world_from_body) = (Vector3::zeros(), Matrix3::identity());
         let at = Configuration { base_position_m, world_from_body, joint_rad: &joint_rad };
-        let axes = Frames::new(&tree, &at).joint_axes;
+        let Frames { joint_axes: axes, joint_slides, .. } = Frames::new(&tree, &at);
         let joints = |end: &EndEffector| tree.joints_to_link(end.link);
         let steers = |joint: &usize| axes[*joint].z.abs() > UPRIGHT;
         let rolls = |end: &&EndEffector| end.contact.rolls() && !end.contact.rolls_with_link();
         let steps = |end: usize| stance.iter().any(|row| !row[end]);
         let asks = |number: Option<f64>| number.is_some_and(|number| number != 0.0);
         let ends = &robot.end_effectors;
-        let is_planar = !axes.is_empty() && axes.iter().all(|axis| axis.x.hypot(axis.z) < ACROSS);
+        let stays_in_plane = |slide: &Vector3<f64>| slide.y.abs() < ACROSS * slide.norm();
+        let is_planar = !axes.is_empty()
+            && axes.iter().all(|axis| axis.x.hypot(axis.z) < ACROSS)
+            && joint_slides.iter().flatten().all(stays_in_plane);
         Self {
             some_step: (0..ends.len()).any(steps),
             could_step: (0..ends.len()).any(|end| !steps(end) && !joints(&ends[end]).is_empty()),

@@ -38,7 +38,7 @@ pub(super) fn too_slow_to_step(problem: &Problem) -> Option<Culprit> {
         let joints = tree.joints_to_link(end.link);
         let speed = |joint: usize, along: &dyn Fn(&Vector3<f64>) -> f64| {
             let arm = center - frames.link_origins[robot.joints[joint].child];
-            let moved = frames.joint_axes[joint].cross(&arm);
+            let moved = frames.joint_displacement(joint, &arm);
             along(&moved) * frames.ratios(tree).joint_speed_max_rad_s(robot, joint)
         };
         let up = |moved: &Vector3<f64>| moved.z.abs();

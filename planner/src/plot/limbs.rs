@@ -164,11 +164,18 @@ impl EvaluatedPlan<'_> {
 
     /// Names of a group's joints for the legend. Empty for a joint that the title names.
     fn joint_names(&self, group: &Group) -> Vec<String> {
-        let names = group.joints.iter().map(|&k| self.plan.robot.joints[k].name.as_str());
-        match &group.joints[..] {
+        let joints = group.joints.iter().map(|&k| &self.plan.robot.joints[k]);
+        let mut names = match &group.joints[..] {
             [k] if self.plan.robot.joints[*k].name == group.name => vec![String::new()],
-            _ => distinct(names),
+            _ => distinct(joints.clone().map(|joint| joint.name.as_str())),
+        };
+        for (name, joint) in names.iter_mut().zip(joints) {
+            if let Some(travel_m_per_rad) = joint.travel_m_per_rad {
+                *name += &format!(" (1 rad = {travel_m_per_rad} m)");
+                *name = name.trim_start().to_owned();
+            }
         }
+        names
     }
 }
 

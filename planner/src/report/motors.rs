@@ -92,7 +92,8 @@ fn joint_torques_nm(timeline: &Timeline, w: &Window) -> Vec<f64> {
         for &j in model.tree().joints_to_link(l) {
             let w_j = here.pose.frames.joint_axes[j];
             let origin = here.pose.frames.link_origins[timeline.plan.robot.joints[j].child];
-            torques[j] += push.dot(&w_j.cross(&(center(here) - origin)));
+            torques[j] +=
+                push.dot(&here.pose.frames.joint_displacement(j, &(center(here) - origin)));
             for (axis, second) in &timeline.principal[l] {
                 let turned = |state: &State| state.pose.frames.world_from_link[l] * axis;
                 torques[j] += second * bent(&turned).dot(&w_j.cross(&turned(here)));

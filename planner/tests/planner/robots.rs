@@ -15,7 +15,7 @@ use std::path::Path;
 const CANNOT_DRIVE: &str = "car_tilted";
 
 /// Robot files other than [`CANNOT_DRIVE`], each with a motion file.
-const MOTIONS: [(&str, &str); 19] = [
+const MOTIONS: [(&str, &str); 20] = [
     ("agilebot", "slalom"),
     ("agilebot_sprint", "table_2_1/agilebot_start_stop"),
     ("anymal_wheels", "anymal_duck"),
@@ -27,6 +27,7 @@ const MOTIONS: [(&str, &str); 19] = [
     ("pup", "pup_walk"),
     ("pup_belt", "pup_belt_walk"),
     ("pup_five_bar", "pup_five_bar_walk"),
+    ("pup_linear", "pup_linear_walk"),
     ("pup_toes", "pup_toes_walk"),
     ("skatebot", "table_2_1/skatebot_skating"),
     ("skaterbot", "skaterbot_stand"),

@@ -3,7 +3,8 @@
 //!
 //! The distance of a pair depends only on the joints between its two links. When the second shape moves against the first, the
 //! distance changes by f · dp for a point p on the second shape. One force f and its moment m about the world origin give all
-//! derivatives: w · (m − o × f) per radian of a joint with axis w and origin o.
+//! derivatives: w · (m − o × f) per radian of a joint with axis w and origin o, and s · f per radian of a prismatic joint that
+//! displaces its child by s.
 //!
 //! The nominal pose is valid by definition. Shapes that overlap in it, because they are coarser than the real parts, are not
 //! checked. Shapes whose nominal distance is below the margin must keep the nominal distance. `rollwalk robot check` lists both
@@ -338,8 +339,19 @@ impl PairDistance {
         self.force
     }
 
-    /// Derivative with respect to a turn about an axis, m/rad, for a joint that moves the second link. For a joint that moves
-    /// the first link, the sign is opposite.
+    /// Derivative with respect to a joint that moves the second link, m/rad. For a joint that moves the first link, the sign is
+    /// opposite.
+    pub fn by_joint(&self, frames: &Frames, robot: &Robot, joint: usize) -> f64 {
+        match &frames.joint_slides[joint] {
+            Some(slide) => slide.dot(&self.force),
+            None => {
+                let origin = &frames.link_origins[robot.joints[joint].child];
+                self.by_turn(&frames.joint_axes[joint], origin)
+            }
+        }
+    }
+
+    /// Derivative with respect to a turn about an axis, m/rad, as in [`by_joint`](Self::by_joint).
     pub fn by_turn(&self, axis: &Vector3<f64>, origin: &Vector3<f64>) -> f64 {
         axis.dot(&(self.moment - origin.cross(&self.force)))
     }

@@ -24,7 +24,7 @@ struct SpatialInertia {
     inertia: Matrix3<f64>,
 }
 
-/// Motion of a rigid body per unit speed of rotation about an axis, expressed at the base origin.
+/// Motion of a rigid body per unit speed of a joint, expressed at the base origin.
 struct Screw {
     angular: Vector3<f64>,
     /// Velocity of the body's point at the base origin.
@@ -67,7 +67,8 @@ impl CompositeInertia {
         }
     }
 
-    /// Inertia about a joint's axis of all links that the joint carries, with armature if the tree has it, kg·m².
+    /// Inertia about a joint's axis of all links that the joint carries, with armature if the tree has it, kg·m². For a prismatic
+    /// joint, the inertia at its motor.
     pub fn joint_inertia(&self, tree: &Tree, frames: &Frames, joint: usize) -> f64 {
         let screw = screw(tree, frames, joint);
         let momentum = self.links[tree.robot().joints[joint].child].momentum(&screw);
@@ -134,6 +135,9 @@ impl Screw {
 
 fn screw(tree: &Tree, frames: &Frames, joint: usize) -> Screw {
     let angular = frames.joint_axes[joint];
+    if let Some(slide) = frames.joint_slides[joint] {
+        return Screw { angular, linear: slide };
+    }
     let origin = frames.link_origins[tree.robot().joints[joint].child];
     Screw { angular, linear: angular.cross(&(frames.link_origins[0] - origin)) }
 }

@@ -23,8 +23,10 @@ pub struct Frames {
     pub world_from_link: Vec<Matrix3<f64>>,
     /// Origin of each link frame, m. The origin of a joint is the origin of its child.
     pub link_origins: Vec<Vector3<f64>>,
-    /// Axis of each joint, in joint order.
+    /// Angular velocity of the child of each joint per unit of joint speed: the axis, or 0 for a prismatic joint.
     pub joint_axes: Vec<Vector3<f64>>,
+    /// Velocity of the child of each prismatic joint per unit of joint speed, m/rad; `None` for revolute joints.
+    pub joint_slides: Vec<Option<Vector3<f64>>>,
     /// Ratios of the motors in this pose; `None` if they are constant.
     ratios: Option<Ratios>,
     /// First moment Σ m x of each link with all links that it carries, kg·m.
@@ -42,6 +44,7 @@ impl Frames {
             world_from_link: vec![Matrix3::identity(); links],
             link_origins: vec![Vector3::zeros(); links],
             joint_axes: vec![Vector3::zeros(); tree.robot().joints.len()],
+            joint_slides: vec![None; tree.robot().joints.len()],
             ratios: None,
             carried_moments: vec![Vector3::zeros(); links],
         };
@@ -62,6 +65,13 @@ impl Frames {
             let offset = joint.parent_from_joint.translation.vector;
             let world_from_joint = rotations[joint.parent] * tree.parent_from_joint(j);
             origins[joint.child] = origins[joint.parent] + rotations[joint.parent] * offset;
+            if let Some(travel_m_per_rad) = joint.travel_m_per_rad {
+                let slide = world_from_joint * joint.axis_in_joint * travel_m_per_rad;
+                origins[joint.child] += slide * at.joint_rad[j];
+                rotations[joint.child] = world_from_joint;
+                self.joint_slides[j] = Some(slide);
+                continue;
+            }
             let axis = Unit::new_unchecked(joint.axis_in_joint);
             let turn = Rotation3::from_axis_angle(&axis, at.joint_rad[j]);
             rotations[joint.child] = world_from_joint * turn.into_inner();
@@ -83,6 +93,15 @@ impl Frames {
     /// Ratios of the motors in this pose.
     pub fn ratios<'f>(&'f self, tree: &'f Tree) -> &'f Ratios {
         self.ratios.as_ref().unwrap_or_else(|| tree.transmission().nominal())
+    }
+
+    /// Displacement per radian of a joint, m/rad, of a point that the joint carries. `arm` leads from the origin of the joint's
+    /// child to the point.
+    pub fn joint_displacement(&self, joint: usize, arm: &Vector3<f64>) -> Vector3<f64> {
+        match &self.joint_slides[joint] {
+            Some(slide) => *slide,
+            None => self.joint_axes[joint].cross(arm),
+        }
     }
 
     /// Transforms a point from the frame of a link to world axes, m.

@@ -79,6 +79,10 @@ impl Kinematics {
             out[ANGULAR + k] += base[k];
         }
         for &j in tree.joints_to_link(link) {
+            if let Some(slide) = &self.frames.joint_slides[j] {
+                out[JOINTS + j] += slide.dot(force);
+                continue;
+            }
             let origin = self.frames.link_origins[tree.robot().joints[j].child];
             out[JOINTS + j] += self.frames.joint_axes[j].dot(&about(&origin));
         }

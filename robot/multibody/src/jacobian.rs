@@ -1,7 +1,8 @@
 //! Jacobians of points, of link rotations and of the centre of mass, and their time derivatives.
 //!
-//! A degree of freedom with axis w through o moves a point x by w × (x − o), and rotates by w (RBDA sec. 4.1.3). Matrices are 3
-//! × [`Tree::dofs`], in world axes, with one column for each entry of ν. An output with fewer columns causes a panic.
+//! A degree of freedom with axis w through o moves a point x by w × (x − o), and rotates by w (RBDA sec. 4.1.3). A prismatic
+//! joint moves all points alike. Matrices are 3 × [`Tree::dofs`], in world axes, with one column for each entry of ν. An output
+//! with fewer columns causes a panic.
 
 use crate::{ANGULAR, Frames, JOINTS, Kinematics, LINEAR, Tree};
 use nalgebra::{Matrix3, Matrix3xX, Vector3};
@@ -21,7 +22,7 @@ impl Frames {
         set_base_rotation(out, &base);
         for &j in tree.joints_to_link(link) {
             let arm = point - self.link_origins[tree.robot().joints[j].child];
-            out.set_column(JOINTS + j, &self.joint_axes[j].cross(&arm));
+            out.set_column(JOINTS + j, &self.joint_displacement(j, &arm));
         }
     }
 
@@ -46,8 +47,11 @@ impl Frames {
 
     /// Displacement of the robot's centre of mass per radian of a joint, m.
     pub(crate) fn com_column(&self, tree: &Tree, joint: usize, child: usize) -> Vector3<f64> {
-        let lever =
-            self.carried_moments[child] - self.link_origins[child] * tree.carried_mass_kg(joint);
+        let mass_kg = tree.carried_mass_kg(joint);
+        if let Some(slide) = &self.joint_slides[joint] {
+            return slide * (mass_kg / tree.total_mass_kg());
+        }
+        let lever = self.carried_moments[child] - self.link_origins[child] * mass_kg;
         self.joint_axes[joint].cross(&lever) / tree.total_mass_kg()
     }
 }
@@ -69,9 +73,7 @@ impl Kinematics {
             let child = tree.robot().joints[j].child;
             let arm = point - self.frames.link_origins[child];
             let d_arm = point_velocity - self.linear_velocity[child];
-            let column =
-                self.d_axis(j, child).cross(&arm) + self.frames.joint_axes[j].cross(&d_arm);
-            out.set_column(JOINTS + j, &column);
+            out.set_column(JOINTS + j, &self.d_displacement(j, child, &arm, &d_arm));
         }
     }
 
@@ -94,9 +96,24 @@ impl Kinematics {
                 let child = tree.robot().joints[j].child;
                 let arm = com - self.frames.link_origins[child];
                 let d_arm = velocity - self.linear_velocity[child];
-                let column =
-                    self.d_axis(j, child).cross(&arm) + self.frames.joint_axes[j].cross(&d_arm);
+                let column = self.d_displacement(j, child, &arm, &d_arm);
                 out.column_mut(JOINTS + j).axpy(link.mass_kg / tree.total_mass_kg(), &column, 1.0);
+            }
+        }
+    }
+
+    /// Time derivative of [`Frames::joint_displacement`] of a joint with the given child, for an arm that changes by `d_arm`.
+    fn d_displacement(
+        &self,
+        joint: usize,
+        child: usize,
+        arm: &Vector3<f64>,
+        d_arm: &Vector3<f64>,
+    ) -> Vector3<f64> {
+        match &self.frames.joint_slides[joint] {
+            Some(slide) => self.angular_velocity[child].cross(slide),
+            None => {
+                self.d_axis(joint, child).cross(arm) + self.frames.joint_axes[joint].cross(d_arm)
             }
         }
     }

@@ -7,6 +7,9 @@
 //! α_c = α_p + a q̈ + ω_p × a q̇   a_c = a_p + α_p × d + ω_p × (ω_p × d)
 //! ```
 //!
+//! A prismatic joint, whose child moves by s q̇ relative to the parent, does not turn (a = 0). It adds s q̇ to v_c, and
+//! s q̈ + 2 ω_p × s q̇ to a_c.
+//!
 //! These are RBDA Eqs. 5.7 and 5.8, with the acceleration of the link's origin instead of spatial acceleration. With ν̇ = 0,
 //! each acceleration is a bias acceleration J̇ν, since a = J ν̇ + J̇ ν.
 
@@ -66,6 +69,9 @@ impl Kinematics {
             let w = self.angular_velocity[p];
             self.angular_velocity[c] = w + self.frames.joint_axes[j] * velocity[JOINTS + j];
             self.linear_velocity[c] = self.linear_velocity[p] + w.cross(&d);
+            if let Some(slide) = &self.frames.joint_slides[j] {
+                self.linear_velocity[c] += slide * velocity[JOINTS + j];
+            }
         }
         self.acceleration.fill(0.0);
         self.propagate_accelerations(tree);
@@ -93,6 +99,10 @@ impl Kinematics {
                 + w.cross(&axis) * self.velocity[JOINTS + j];
             self.linear_acceleration[c] =
                 self.linear_acceleration[p] + alpha.cross(&d) + w.cross(&w.cross(&d));
+            if let Some(slide) = &self.frames.joint_slides[j] {
+                let coriolis = w.cross(slide) * (2.0 * self.velocity[JOINTS + j]);
+                self.linear_acceleration[c] += slide * self.acceleration[JOINTS + j] + coriolis;
+            }
         }
     }
 

@@ -84,18 +84,25 @@ impl Standing {
     }
 
     /// Torque that, together with the joint's spring, balances ground forces and weight beyond the joint:
-    /// τ = −w · [Σ (e − o) × f + (x_c − o) × m_c g] − τ_spring.
+    /// τ = −w · [Σ (e − o) × f + (x_c − o) × m_c g] − τ_spring, or −s · [Σ f + m_c g] − τ_spring for a prismatic joint.
     fn torque(&self, tree: &Tree, joint: usize) -> f64 {
         let child = tree.robot().joints[joint].child;
         let origin = self.frames.link_origins[child];
-        let lever = self.frames.carried_moments[child] - origin * tree.carried_mass_kg(joint);
+        let mass_kg = tree.carried_mass_kg(joint);
+        let lever = self.frames.carried_moments[child] - origin * mass_kg;
         let mut moment = lever.cross(&(Vector3::z() * -GRAVITY_M_S2));
+        let mut force = Vector3::z() * (-GRAVITY_M_S2 * mass_kg);
         for (contact, end) in self.contacts.iter().zip(&tree.robot().end_effectors) {
             if tree.joints_to_link(end.link).contains(&joint) {
-                moment += (contact.position - origin).cross(&(Vector3::z() * contact.force_n));
+                let of_ground = Vector3::z() * contact.force_n;
+                moment += (contact.position - origin).cross(&of_ground);
+                force += of_ground;
             }
         }
-        let torque_nm = -self.frames.joint_axes[joint].dot(&moment);
+        let torque_nm = match &self.frames.joint_slides[joint] {
+            Some(slide) => -slide.dot(&force),
+            None => -self.frames.joint_axes[joint].dot(&moment),
+        };
         let of = &tree.robot().joints[joint];
         of.spring.map_or(torque_nm, |spring| torque_nm - spring.torque_nm(of.nominal_rad, 0.0))
     }
@@ -115,7 +122,7 @@ impl Standing {
                     of.ratio * (-self.torque_nm[of.joint] / stiffness_nm_rad)
                 })
                 .sum();
-            self.frames.joint_axes[joint].cross(&arm).z * off_rad
+            self.frames.joint_displacement(joint, &arm).z * off_rad
         };
         joints.map(lift).sum()
     }

@@ -1,6 +1,7 @@
 //! Fields of the tables in a robot file. A faulty value is recorded and replaced by 0 or an empty value.
 
 use super::parts::{self, MassProperties};
+use super::prismatic::{LINEAR_KEYS, Unit};
 use crate::actuator::{Actuator, TorqueSpeedLine};
 use crate::catalog::{Catalog, Servo};
 use crate::contact::RollingDrag;
@@ -114,25 +115,69 @@ pub(super) fn soft_material(table: &Table<'_>) -> SoftMaterial {
 }
 
 /// Reads spring and damper of a joint. One of both is enough.
-pub(super) fn spring(mut table: Table<'_>) -> JointSpring {
+pub(super) fn spring(mut table: Table<'_>, unit: Unit) -> JointSpring {
     table.call("[joint.spring]");
-    let [stiffness_nm_rad, rest_rad, damping_nm_s_rad] =
-        ["stiffness_nm_rad", "rest_rad", "damping_nm_s_rad"]
-            .map(|key| table.given(key, Table::number).unwrap_or_default());
-    if !["stiffness_nm_rad", "damping_nm_s_rad"].iter().any(|key| table.has(key)) {
-        let help = "give `stiffness_nm_rad`, `damping_nm_s_rad` or both, or leave `spring` out";
-        table.fault("stiffness_nm_rad", "is missing", "neither spring nor damper", help);
+    let [stiffness_key, rest_key, damping_key] = unit.spring_keys();
+    let [stiffness, rest, damping] = [stiffness_key, rest_key, damping_key]
+        .map(|key| table.given(key, Table::number).unwrap_or_default());
+    if ![stiffness_key, damping_key].iter().any(|key| table.has(key)) {
+        let help =
+            format!("give `{stiffness_key}`, `{damping_key}` or both, or leave `spring` out");
+        table.fault(stiffness_key, "is missing", "neither spring nor damper", help);
     }
-    if table.has("stiffness_nm_rad") && !table.has("rest_rad") {
-        let help = "give the angle of the joint at which the spring has no torque, in rad";
-        table.fault("rest_rad", "is missing", "no rest angle", help);
+    if table.has(stiffness_key) && !table.has(rest_key) {
+        let help = match unit {
+            Unit::Radian => "give the angle of the joint at which the spring has no torque, in rad",
+            Unit::Travel(_) => {
+                "give the position of the joint at which the spring has no force, in m"
+            }
+        };
+        table.fault(rest_key, "is missing", "no rest position", help);
     }
     table.done();
-    JointSpring { stiffness_nm_rad, rest_rad, damping_nm_s_rad }
+    unit.spring(JointSpring {
+        stiffness_nm_rad: stiffness,
+        rest_rad: rest,
+        damping_nm_s_rad: damping,
+    })
+}
+
+/// Data sheet of a motor, without bus and id.
+#[derive(Debug)]
+pub(super) enum DataSheet {
+    /// Motor that turns.
+    Rotary(Actuator),
+    /// Linear actuator, with N, m and kg in place of N·m, rad and kg·m².
+    Linear(Actuator),
 }
 
 /// Reads a data sheet: all fields of a motor except its address (bus and id). A servo of the catalogue supplies absent fields.
-pub(super) fn data_sheet(table: &Table<'_>) -> Actuator {
+pub(super) fn data_sheet(table: &Table<'_>) -> DataSheet {
+    match LINEAR_KEYS.iter().any(|key| table.find(key).is_some()) {
+        true => DataSheet::Linear(linear_sheet(table)),
+        false => DataSheet::Rotary(rotary_sheet(table)),
+    }
+}
+
+/// Reads the data sheet of a linear actuator.
+fn linear_sheet(table: &Table<'_>) -> Actuator {
+    let [speed, force, kp, kd, armature, stall, no_load] = LINEAR_KEYS;
+    let actuator = Actuator {
+        model: table.string("model").unwrap_or_default(),
+        speed_max_rad_s: number(table, speed),
+        torque_max_nm: number(table, force),
+        kp_nm_rad: number(table, kp),
+        kd_nm_s_rad: number(table, kd),
+        armature_kg_m2: number(table, armature),
+        torque_speed: torque_speed(table, [stall, no_load]),
+        bus: 0,
+        id: 0,
+    };
+    table.done();
+    actuator
+}
+
+fn rotary_sheet(table: &Table<'_>) -> Actuator {
     let servo = table.given("servo", servo).map(|servo| complete(table, servo));
     let servo = servo.as_ref();
     let or = |key, of: fn(&Servo) -> Option<f64>| match servo.and_then(of) {
@@ -157,7 +202,7 @@ pub(super) fn data_sheet(table: &Table<'_>) -> Actuator {
         armature_kg_m2: or("armature_kg_m2", |servo| servo.armature_kg_m2),
         torque_speed: match ["stall_torque_nm", "no_load_speed_rad_s"].map(|key| table.has(key)) {
             [false, false] => servo.and_then(line),
-            _ => torque_speed(table),
+            _ => torque_speed(table, ["stall_torque_nm", "no_load_speed_rad_s"]),
         },
         bus: 0,
         id: 0,
@@ -210,8 +255,7 @@ fn complete(table: &Table<'_>, servo: Servo) -> Servo {
 }
 
 /// Reads the torque-speed line of a data sheet. Both of its values or neither must be present.
-fn torque_speed(table: &Table<'_>) -> Option<TorqueSpeedLine> {
-    let keys = ["stall_torque_nm", "no_load_speed_rad_s"];
+fn torque_speed(table: &Table<'_>, keys: [&'static str; 2]) -> Option<TorqueSpeedLine> {
     match keys.map(|key| table.has(key)) {
         [false, false] => None,
         [true, true] => {

@@ -1,5 +1,6 @@
 //! Spans of items and fields in a robot file. The rules themselves have no access to spans.
 
+use super::prismatic::linear_key;
 use crate::document::{Span, Table};
 use crate::rules::Item;
 use std::collections::BTreeMap;
@@ -31,7 +32,10 @@ impl<'d> Source<'d> {
             _ => {}
         }
         let mut tables = std::iter::once(&self.item).chain(&self.spring).chain(&self.sheet);
-        tables.find_map(|table| table.find(field)).unwrap_or_else(|| self.item.span())
+        let find = |table: &Table<'_>| {
+            table.find(field).or_else(|| linear_key(field).and_then(|key| table.find(key)))
+        };
+        tables.find_map(find).unwrap_or_else(|| self.item.span())
     }
 }
 

@@ -9,6 +9,7 @@ mod fields;
 mod group;
 mod item_tables;
 pub(crate) mod parts;
+mod prismatic;
 mod read;
 mod shapes;
 mod sides;

@@ -5,11 +5,13 @@
 
 use super::buses;
 use super::fields::{
-    address, axis, bus, data_sheet, drag, mass, named, number, rpy, soft_material, spring, vector,
+    DataSheet, address, axis, bus, data_sheet, drag, mass, named, number, rpy, soft_material,
+    spring, vector,
 };
 use super::group::{Group, Limb, ORIGIN};
 use super::item_tables::{ItemTables, Source};
 use super::parts::{self, MassProperties};
+use super::prismatic::{Unit, at_pinion};
 use super::shapes::shape;
 use crate::actuator::Actuator;
 use crate::contact::{Contact, KINDS};
@@ -37,7 +39,7 @@ struct NamedRatio {
 }
 
 /// Data sheets by name, with their tables.
-type Sheets<'d> = BTreeMap<&'d str, (Actuator, Table<'d>)>;
+type Sheets<'d> = BTreeMap<&'d str, (DataSheet, Table<'d>)>;
 
 /// Addresses of a limb's motors, in order.
 type Ids = RangeInclusive<u8>;
@@ -245,8 +247,10 @@ impl<'r, 'd> Reader<'r, 'd> {
         let origin_m = vector(&table, ORIGIN);
         let rpy_rad = rpy(&table);
         let axis = axis(&table, "axis_in_joint");
+        let is_passive = is_passive(&table);
+        let unit = Unit::read(&table, is_passive);
         let [position_min_rad, position_max_rad, nominal_rad] =
-            ["position_min_rad", "position_max_rad", "nominal_rad"].map(|key| number(&table, key));
+            unit.position_keys().map(|key| unit.angle_rad(number(&table, key)));
         let (parent, mount_m) = match group.limb {
             Some(limb) if parent == MOUNT => {
                 self.placed.insert(limb.name.clone());
@@ -258,17 +262,17 @@ impl<'r, 'd> Reader<'r, 'd> {
             }
         };
         let child = self.link_index(&table, "child", &group.name(&child));
-        let motor = match is_passive(&table) {
+        let motor = match is_passive {
             true => Some((Actuator::none(), None)),
-            false => {
-                self.motor(group, &table, ids).map(|(actuator, sheet)| (actuator, Some(sheet)))
-            }
+            false => self
+                .motor(group, &table, unit, ids)
+                .map(|(actuator, sheet)| (actuator, Some(sheet))),
         };
         let coupling = table.given(MOTOR_PER_JOINT, Table::table);
         let linkage = table.given("linkage", Table::table);
         let linkage = linkage.map(|linkage| self.linkage(group, linkage, &axis));
         let of_spring = table.given("spring", Table::table);
-        let spring = of_spring.clone().map(spring);
+        let spring = of_spring.clone().map(|table| spring(table, unit));
         table.done();
         let Some((actuator, sheet)) = motor else { return };
         if let Some(coupling) = coupling {
@@ -290,7 +294,11 @@ impl<'r, 'd> Reader<'r, 'd> {
             parent,
             child,
             parent_from_joint: Isometry3::from_parts(origin, group.rotation(rpy_rad)),
-            axis_in_joint: group.axis(axis),
+            axis_in_joint: match unit {
+                Unit::Radian => group.axis(axis),
+                Unit::Travel(_) => group.point(axis),
+            },
+            travel_m_per_rad: unit.travel_m_per_rad(),
             position_min_rad,
             position_max_rad,
             nominal_rad,
@@ -386,7 +394,7 @@ impl<'r, 'd> Reader<'r, 'd> {
         let contact = match kind {
             "welded_wheel" => Contact::WeldedWheel { axis_in_link },
             "actuated_wheel" => {
-                let (actuator, sheet) = self.motor(group, table, ids)?;
+                let (actuator, sheet) = self.motor(group, table, Unit::Radian, ids)?;
                 return Some((Contact::ActuatedWheel { axis_in_link, actuator }, Some(sheet)));
             }
             "passive_wheel" => Contact::PassiveWheel { axis_in_link, drag: drag(table) },
@@ -404,6 +412,7 @@ impl<'r, 'd> Reader<'r, 'd> {
         &self,
         group: &Group<'_, 'd>,
         table: &Table<'d>,
+        unit: Unit,
         ids: &mut Ids,
     ) -> Option<(Actuator, Table<'d>)> {
         let name = table.string("actuator").unwrap_or_default();
@@ -417,7 +426,18 @@ impl<'r, 'd> Reader<'r, 'd> {
             self.unknown("actuator", table, "actuator", &name, self.sheets.keys().copied());
             return None;
         };
-        Some((Actuator { bus, id, ..sheet.clone() }, sheet_table.clone()))
+        let actuator = match (sheet, unit) {
+            (DataSheet::Rotary(motor), _) => motor.clone(),
+            (DataSheet::Linear(motor), Unit::Travel(travel)) => at_pinion(motor, travel),
+            (DataSheet::Linear(_), Unit::Radian) => {
+                let help = "name an actuator with `speed_max_rad_s` and `torque_max_nm`, or give a \
+                    joint that slides `kind = \"prismatic\"`";
+                let problem = format_args!("is \"{name}\", a linear actuator");
+                table.fault("actuator", problem, "does not turn", help);
+                return None;
+            }
+        };
+        Some((Actuator { bus, id, ..actuator }, sheet_table.clone()))
     }
 
     fn bus(&mut self, table: Table<'d>) {

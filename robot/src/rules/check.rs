@@ -89,6 +89,16 @@ impl Check<'_> {
         self.found.push(Violation { place: self.place, field, message, help: help.into() });
     }
 
+    /// Number of violations so far.
+    pub(super) fn count(&self) -> usize {
+        self.found.len()
+    }
+
+    /// Adds a text to the help of all violations from number `from` on.
+    pub(super) fn add_help(&mut self, from: usize, text: &str) {
+        self.found[from..].iter_mut().for_each(|violation| violation.help += text);
+    }
+
     /// Checks `min <(=) value <= max`. `also` adds a likely cause.
     pub(super) fn range(
         &mut self,

@@ -4,7 +4,7 @@ use super::check::Bound;
 use super::{Check, Item};
 use crate::actuator::Actuator;
 use crate::document::NAME_MAX;
-use crate::model::{Joint, JointRatio};
+use crate::model::{Joint, JointRatio, TRAVEL_M_PER_RAD};
 use crate::spring::JointSpring;
 use crate::transmission::Transmission;
 use rollwalk_protocol::actuator;
@@ -80,7 +80,12 @@ impl Check<'_> {
             );
         }
         self.unit_axis("axis_in_joint", &joint.axis_in_joint);
+        if let Some(travel) = joint.travel_m_per_rad {
+            let (least, most) = TRAVEL_M_PER_RAD.into_inner();
+            self.range("travel_m_per_rad", travel, Bound::AtLeast(least), most, "m/rad", "");
+        }
         self.joint_range(joint);
+        let before = self.count();
         if joint.is_passive() {
             self.passive(joint);
         } else {
@@ -90,12 +95,21 @@ impl Check<'_> {
             let help = "give a stiffness above 0 N·m/rad, with which the joint holds its position";
             self.violated("kp_nm_rad", "is 0", help);
         }
+        if let Some(spring) = &joint.spring {
+            self.spring(spring);
+        }
+        if let Some(travel) = joint.travel_m_per_rad {
+            let help = format!(
+                "; the joint slides {travel} m per radian of its motor, so 1 rad/s is {travel} m/s, 1 N·m is {} N and 1 N·m/rad is \
+                 {} N/m",
+                rounded(1.0 / travel),
+                rounded(1.0 / (travel * travel))
+            );
+            self.add_help(before, &help);
+        }
         self.coupling(index, joint);
         if let Some(linkage) = &joint.linkage {
             self.linkage(joint, linkage);
-        }
-        if let Some(spring) = &joint.spring {
-            self.spring(spring);
         }
     }
 
@@ -154,6 +168,11 @@ impl Check<'_> {
                 );
                 self.violated(field, format_args!("of `{name}` is {}", of.ratio), help);
             }
+            if self.robot.joints.get(of.joint).is_some_and(Joint::is_prismatic) {
+                let help = "leave out `motor_per_joint`: the motor of a prismatic joint moves that joint alone, by \
+                    `travel_m_per_rad`";
+                self.violated(field, format_args!("names `{name}`, a prismatic joint"), help);
+            }
             if self.robot.joints.get(of.joint).is_some_and(Joint::is_passive) && of.joint != index {
                 let help = "couple motors with joints that have an `actuator`";
                 self.violated(field, format_args!("names `{name}`, a joint without a motor"), help);
@@ -190,6 +209,9 @@ impl Check<'_> {
     fn joint_range(&mut self, joint: &Joint) {
         let (min, max) = (joint.position_min_rad, joint.position_max_rad);
         let nominal = joint.nominal_rad;
+        if let Some(travel) = joint.travel_m_per_rad {
+            return self.stroke([min, max, nominal], travel);
+        }
         let mut sound = true;
         for (field, angle) in
             [("position_min_rad", min), ("position_max_rad", max), ("nominal_rad", nominal)]
@@ -214,6 +236,41 @@ impl Check<'_> {
         } else if !(min..=max).contains(&nominal) {
             let help = format!("give an angle within the limits, {min} to {max} rad");
             self.violated("nominal_rad", format_args!("is {nominal} rad"), help);
+        }
+    }
+
+    /// Checks limits and nominal position of a prismatic joint, whose angles at its motor are given.
+    fn stroke(&mut self, angles: [f64; 3], travel_m_per_rad: f64) {
+        let [min_m, max_m, nominal_m] = angles.map(|angle| rounded(angle * travel_m_per_rad));
+        let mut sound = true;
+        let most_m = (travel_m_per_rad * TAU * 1e4).floor() / 1e4;
+        for (field, angle, position_m) in [
+            ("position_min_m", angles[0], min_m),
+            ("position_max_m", angles[1], max_m),
+            ("nominal_m", angles[2], nominal_m),
+        ] {
+            // The comparison is false for NaN.
+            let fits = angle.abs() <= TAU;
+            if !fits {
+                let help = format!(
+                    "give a position within ±{most_m} m, or a `travel_m_per_rad` of at least {} m/rad: set-points of servos \
+                     reach ±2π rad",
+                    (position_m.abs() / TAU * 1e5).ceil() / 1e5
+                );
+                let problem = format!("is {position_m} m, {} rad of the motor", rounded(angle));
+                self.violated(field, problem, help);
+            }
+            sound &= fits;
+        }
+        if !sound {
+            return;
+        }
+        if min_m >= max_m {
+            let help = format!("give a value above `position_min_m` ({min_m} m)");
+            self.violated("position_max_m", format_args!("is {max_m} m"), help);
+        } else if !(min_m..=max_m).contains(&nominal_m) {
+            let help = format!("give a position within the limits, {min_m} to {max_m} m");
+            self.violated("nominal_m", format_args!("is {nominal_m} m"), help);
         }
     }
 
@@ -280,4 +337,9 @@ impl Check<'_> {
             self.violated("id", format_args!("is {}", motor.id), help);
         }
     }
+}
+
+/// Number without the rounding errors of a conversion.
+fn rounded(value: f64) -> f64 {
+    (value * 1e9).round() / 1e9
 }

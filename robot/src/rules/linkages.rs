@@ -50,6 +50,12 @@ impl Check<'_> {
                 self.violated("linkage", "spans too many joints", help);
                 continue;
             }
+            if crank.joints().any(|joint| robot.joints[joint].is_prismatic()) {
+                let help = "set `motor_on` to a link with only revolute joints between it and the link that the motor turns, or \
+                    give a prismatic joint a motor of its own";
+                self.violated("linkage", "spans a prismatic joint", help);
+                continue;
+            }
             if crank.joints().any(|joint| robot.joints[joint].is_passive()) {
                 let help = "set `motor_on` to a link with only driven joints between it and the \
                     link that the motor turns";

@@ -2,7 +2,7 @@
 
 use super::{Check, Item};
 use crate::model::{EndEffector, Robot};
-use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 
 impl Check<'_> {
     /// Refuses feet and wheels above the centre of mass. Requires a robot that breaks no other rule.
@@ -24,7 +24,10 @@ impl Check<'_> {
             let angles: Vec<_> = joints
                 .iter()
                 .map(|&joint| &robot.joints[joint])
-                .map(|joint| format!("`{}` at {} rad", joint.name, joint.nominal_rad))
+                .map(|joint| match joint.travel_m_per_rad {
+                    Some(travel) => format!("`{}` at {} m", joint.name, joint.nominal_rad * travel),
+                    None => format!("`{}` at {} rad", joint.name, joint.nominal_rad),
+                })
                 .collect();
             let [x, y, z] = end.center_in_link_m.into();
             let pose = if angles.is_empty() {
@@ -62,8 +65,8 @@ impl Robot {
 fn nominal_poses(robot: &Robot) -> Vec<Isometry3<f64>> {
     let mut poses = vec![Isometry3::identity(); robot.links.len()];
     for joint in &robot.joints {
-        let turn = UnitQuaternion::new(joint.axis_in_joint * joint.nominal_rad);
-        poses[joint.child] = poses[joint.parent] * joint.parent_from_joint * turn;
+        let moved = joint.joint_from_child(joint.nominal_rad);
+        poses[joint.child] = poses[joint.parent] * joint.parent_from_joint * moved;
     }
     poses
 }

@@ -40,6 +40,8 @@ pub(super) struct Moving {
     pub child: usize,
     /// Pose of the joint frame in the parent body. At angle 0 it is that of the child.
     pub parent_from_joint: Isometry3<f64>,
+    /// True for a joint that slides along its axis. Its positions are in m.
+    pub slides: bool,
 }
 
 /// The robot as rigid bodies.
@@ -127,7 +129,14 @@ pub(super) fn merge(
         } else {
             let parent_from_joint = body_from_joint;
             let new = members.len();
-            moving.push(Moving { joint: index, parent: body, child: new, parent_from_joint });
+            let slides = joint.kind == Kind::Prismatic;
+            moving.push(Moving {
+                joint: index,
+                parent: body,
+                child: new,
+                parent_from_joint,
+                slides,
+            });
             places[child] = Some((new, Isometry3::identity()));
             members.push(vec![child]);
         }

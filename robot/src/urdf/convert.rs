@@ -2,7 +2,7 @@
 
 use super::bodies::{Bodies, Moving, Rigid, merge};
 use super::draft::{Draft, DraftEnd, DraftJoint, DraftLink, DraftLinkage, Origin};
-use super::joints::ranges;
+use super::joints::{Range, ranges};
 use super::linkages::{Placed, narrow, nominal};
 use super::loads::loads;
 use super::model::{Joint, MOVING_MAX, Urdf};
@@ -23,6 +23,10 @@ use crate::spring::JointSpring;
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use rollwalk_protocol::config::MAX_CHANNELS;
 use std::collections::HashMap;
+
+/// Radius of a pinion in the default travel of prismatic joints, m, and its largest angle, rad.
+const PINION_M: f64 = 0.02;
+const PINION_TURN_RAD: f64 = 6.0;
 
 /// Inputs of a conversion.
 struct Conversion<'a, 't> {
@@ -91,7 +95,11 @@ impl<'a> Conversion<'a, '_> {
             let motor = given.map_or(&fallback, |given| &given.motor);
             let is_held = motor.actuator.is_none() && self.urdf.holding_spring(joint).is_some();
             let limb = order[limbs[moving.child]];
-            let motor = (!is_held).then(|| motors.joint(motor, joint, load, limb));
+            let travel = moving.slides.then(|| {
+                let given = given.and_then(|given| given.travel_m_per_rad);
+                given.unwrap_or_else(|| self.default_travel(joint, range))
+            });
+            let motor = (!is_held).then(|| motors.joint(motor, joint, load, travel, limb));
             joints.push(DraftJoint {
                 name: names.give("joint", &joint.name, &joint.span, self.notes),
                 from: joint.name.clone(),
@@ -99,11 +107,12 @@ impl<'a> Conversion<'a, '_> {
                 child: moving.child,
                 parent_from_joint: moving.parent_from_joint,
                 axis: joint.axis.into_inner(),
+                travel_m_per_rad: travel,
                 range: *range,
                 motor,
                 motor_per_joint: joint.motor_per_joint.clone(),
                 linkage: self.linkage(joint, &axes, &angles),
-                spring: self.spring(joint, mass_kg),
+                spring: self.spring(joint, travel, mass_kg),
                 urdf: joint.span.clone(),
                 side: given.map(|given| given.span.clone()),
             });
@@ -131,13 +140,30 @@ impl<'a> Conversion<'a, '_> {
         })
     }
 
+    /// Travel of a prismatic joint whose side file has none: a pinion on which the stroke is within a turn. Notes a warning.
+    fn default_travel(&mut self, joint: &Joint, range: &Range) -> f64 {
+        let reach_m = range.min_rad.abs().max(range.max_rad.abs());
+        let travel = PINION_M.max((reach_m / PINION_TURN_RAD * 1e3).ceil() / 1e3);
+        self.notes.warn(&joint.span, format_args!(
+            "joint `{}` slides, and the import assumes {travel} m per radian of its motor; give `travel_m_per_rad` under [joint], the radius of its pinion or the lead of its screw divided by 2π",
+            joint.name
+        ));
+        travel
+    }
+
     /// Returns spring and damper of a joint. Drops a damping that no robot of this mass has, with a warning.
-    fn spring(&mut self, joint: &Joint, mass_kg: f64) -> Option<JointSpring> {
+    fn spring(
+        &mut self,
+        joint: &Joint,
+        travel_m_per_rad: Option<f64>,
+        mass_kg: f64,
+    ) -> Option<JointSpring> {
         let mut spring = joint.spring?;
-        let most = MotorMaxima::of(mass_kg).kd_nm_s_rad;
+        let (per_rad, unit) = travel_m_per_rad.map_or((1.0, "N·m·s/rad"), |of| (of, "N·s/m"));
+        let most = MotorMaxima::of(mass_kg).kd_nm_s_rad / (per_rad * per_rad);
         if spring.damping_nm_s_rad > most {
             self.notes.warn(&joint.span, format_args!(
-                "joint `{}`: its damping of {} N·m·s/rad is dropped, because it is above {} N·m·s/rad, the largest of a robot of this mass; give `spring` in the robot file if the joint has a damper",
+                "joint `{}`: its damping of {} {unit} is dropped, because it is above {} {unit}, the largest of a robot of this mass; give `spring` in the robot file if the joint has a damper",
                 joint.name,
                 show(spring.damping_nm_s_rad),
                 show(most)

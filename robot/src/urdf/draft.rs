@@ -69,6 +69,8 @@ pub(super) struct DraftJoint {
     pub child: usize,
     pub parent_from_joint: Isometry3<f64>,
     pub axis: Vector3<f64>,
+    /// Displacement of a prismatic joint per radian of its motor, m/rad; `None` for a joint that turns.
+    pub travel_m_per_rad: Option<f64>,
     pub range: Range,
     /// Motor of the joint; `None` for a joint that only its spring holds.
     pub motor: Option<Motor>,

@@ -3,7 +3,8 @@
 use super::bodies::{Bodies, Rigid, merge};
 use super::convert::idle_joints;
 use super::guess::{self, Axes, End, EndKind, Heading};
-use super::model::{MOVING_MAX, Urdf};
+use super::joints::position_limits;
+use super::model::{Kind, MOVING_MAX, Urdf};
 use super::notes::Notes;
 use super::side::{Side, direction, turn};
 use super::stance::{Stance, Tip};
@@ -82,6 +83,13 @@ impl Draft {
         // Warnings belong only to the final guess.
         let quiet = &mut Notes::new("", "");
         let first = site.guess(&locks, Axes { forward: first_forward(up), up }, quiet);
+        let given: Vec<usize> = side.locks.iter().filter_map(|lock| index(&lock.joint)).collect();
+        let in_legs = site.slides_in_legs(&locks, &given, &first, up);
+        locks.retain(|(joint, _)| given.contains(joint) || !in_legs.contains(joint));
+        let first = match in_legs.is_empty() {
+            true => first,
+            false => site.guess(&locks, Axes { forward: first_forward(up), up }, quiet),
+        };
         let passive = guess::passive(urdf, &first.bodies, &first.axles);
         locks.extend(passive.iter().map(|&joint| (joint, urdf.joints[joint].locked_position())));
         let first = site.guess(&locks, Axes { forward: first_forward(up), up }, quiet);
@@ -136,6 +144,46 @@ struct Site<'a> {
 }
 
 impl Site<'_> {
+    /// Locked prismatic joints with a stroke that carry a foot or wheel of a guess, except `given` ones. If all its feet and
+    /// wheels are on the body, they are sought with free slides.
+    fn slides_in_legs(
+        &self,
+        locks: &[(usize, f64)],
+        given: &[usize],
+        guess: &Guess,
+        up: usize,
+    ) -> Vec<usize> {
+        let Self { urdf, graph, tree, .. } = *self;
+        let slides = |index: usize| {
+            let joint = &urdf.joints[index];
+            let [lower, upper] = position_limits(urdf, joint);
+            joint.kind == Kind::Prismatic
+                && joint.mimics.is_none()
+                && lower < upper
+                && !given.contains(&index)
+        };
+        if !locks.iter().any(|(index, _)| slides(*index)) {
+            return Vec::new();
+        }
+        let mut links: Vec<_> = guess.ends.iter().map(|end| end.link).collect();
+        if guess.ends.iter().all(|end| end.tip.body == 0) {
+            let rest: Vec<_> = locks.iter().copied().filter(|(index, _)| !slides(*index)).collect();
+            let axes = Axes { forward: first_forward(up), up };
+            let free = self.guess(&rest, axes, &mut Notes::new("", ""));
+            links = free.ends.iter().map(|end| end.link).collect();
+        }
+        let mut found = Vec::new();
+        for mut link in links {
+            while let Some(&index) = tree.order.iter().find(|&&index| graph.ends[index].1 == link) {
+                if slides(index) {
+                    found.push(index);
+                }
+                link = graph.ends[index].0;
+            }
+        }
+        found
+    }
+
     /// Bodies with their root axes, and wheels as separate bodies.
     fn open(&self, locks: &[(usize, f64)]) -> Bodies {
         let rigid = Rigid { locked: locks.iter().copied().collect(), ..Rigid::default() };

@@ -57,6 +57,11 @@ pub(super) fn emit(draft: &Draft, sources: [&str; 2]) -> Emitted {
         let start = out.text.len();
         out.line(format_args!("\n# from urdf: joint {}", comment(&joint.from)));
         out.line(format_args!("[[joint]]\nname = {}", quoted(&joint.name)));
+        let slides = joint.travel_m_per_rad.is_some();
+        let unit = if slides { "m" } else { "rad" };
+        if slides {
+            out.line("kind = \"prismatic\"");
+        }
         out.line(format_args!("parent = {}", quoted(&draft.links[joint.parent].name)));
         out.line(format_args!("child = {}", quoted(&draft.links[joint.child].name)));
         let pose = joint.parent_from_joint;
@@ -72,9 +77,12 @@ pub(super) fn emit(draft: &Draft, sources: [&str; 2]) -> Emitted {
         out.line(format_args!("axis_in_joint = {}", array(joint.axis.as_slice())));
         out.came_from(start, &Origin::Urdf(joint.urdf.clone()));
         let start = out.text.len();
-        out.line(format_args!("position_min_rad = {}", show(joint.range.min_rad)));
-        out.line(format_args!("position_max_rad = {}", show(joint.range.max_rad)));
-        out.line(format_args!("nominal_rad = {}", show(joint.range.nominal_rad)));
+        if let Some(travel) = joint.travel_m_per_rad {
+            out.line(format_args!("travel_m_per_rad = {}", show(travel)));
+        }
+        out.line(format_args!("position_min_{unit} = {}", show(joint.range.min_rad)));
+        out.line(format_args!("position_max_{unit} = {}", show(joint.range.max_rad)));
+        out.line(format_args!("nominal_{unit} = {}", show(joint.range.nominal_rad)));
         if let Some(motor) = joint.motor {
             out.motor(draft, motor);
         }
@@ -95,12 +103,16 @@ pub(super) fn emit(draft: &Draft, sources: [&str; 2]) -> Emitted {
         if let Some(spring) = &joint.spring {
             let [stiffness, rest, damping] =
                 [spring.stiffness_nm_rad, spring.rest_rad, spring.damping_nm_s_rad].map(show);
+            let [stiffness_key, rest_key, damping_key] = match slides {
+                true => ["stiffness_n_m", "rest_m", "damping_n_s_m"],
+                false => ["stiffness_nm_rad", "rest_rad", "damping_nm_s_rad"],
+            };
             let mut keys = Vec::new();
             if spring.stiffness_nm_rad != 0.0 {
-                keys.push(format!("stiffness_nm_rad = {stiffness}, rest_rad = {rest}"));
+                keys.push(format!("{stiffness_key} = {stiffness}, {rest_key} = {rest}"));
             }
             if spring.damping_nm_s_rad != 0.0 {
-                keys.push(format!("damping_nm_s_rad = {damping}"));
+                keys.push(format!("{damping_key} = {damping}"));
             }
             out.line(format_args!("spring = {{ {} }}", keys.join(", ")));
         }

@@ -44,8 +44,13 @@ pub(super) fn has_degrees(urdf: &Urdf, joint: &Joint) -> bool {
     }
 }
 
-/// Limits of a turning joint for a pose: the limits of the file in rad, within a turn.
+/// Limits of a joint for a pose: the limits of the file in rad, within a turn, or in m.
 pub(super) fn position_limits(urdf: &Urdf, joint: &Joint) -> [f64; 2] {
+    if joint.kind == Kind::Prismatic {
+        let [lower, upper] =
+            [joint.limit.lower, joint.limit.upper].map(|limit| limit.unwrap_or(0.0));
+        return [lower.min(upper), lower.max(upper)];
+    }
     let limits = (joint.kind != Kind::Continuous).then_some(joint.limit);
     let [lower, upper] = match limits.map(|limit| (limit.lower, limit.upper)) {
         None | Some((None, None)) => [-TURN_RAD, TURN_RAD],
@@ -63,7 +68,7 @@ pub(super) fn position_limits(urdf: &Urdf, joint: &Joint) -> [f64; 2] {
     [min, max].map(|limit| limit.clamp(-TURN_RAD, TURN_RAD))
 }
 
-/// Limits of a joint and its angle in the standing pose, rad.
+/// Limits of a joint and its position in the standing pose, rad, or m for a prismatic joint.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Range {
     pub min_rad: f64,
@@ -85,6 +90,7 @@ pub(super) fn ranges<'a>(
     for moving in &bodies.moving {
         let joint = &urdf.joints[moving.joint];
         let given = side.joints.iter().find(|given| given.joint == joint.name);
+        reader.check_unit(joint, given);
         let Some((min_rad, max_rad)) = reader.limits(joint, given) else {
             ranges.push(Range::default());
             continue;
@@ -92,8 +98,9 @@ pub(super) fn ranges<'a>(
         let nominal_rad = given.and_then(|given| given.nominal_rad).unwrap_or_else(|| {
             let rest_rad = urdf.holding_spring(joint).map(|spring| spring.rest_rad);
             let known = joint.home.or(rest_rad);
-            let nearest = known.unwrap_or(0.0).clamp(min_rad, max_rad);
-            if known.is_none() {
+            let usual = if moving.slides { 0.5 * (min_rad + max_rad) } else { 0.0 };
+            let nearest = known.unwrap_or(usual).clamp(min_rad, max_rad);
+            if known.is_none() && !moving.slides {
                 unposed.push((joint, nearest));
             }
             nearest
@@ -120,6 +127,28 @@ struct Reader<'a, 'n, 't> {
 }
 
 impl<'a> Reader<'a, '_, '_> {
+    /// Refuses positions in the wrong unit.
+    fn check_unit(&self, joint: &Joint, given: Option<&JointSide>) {
+        let Some(given) = given else { return };
+        let slides = joint.kind == Kind::Prismatic;
+        let (is_wrong, what, keys) = match slides {
+            true => (
+                given.is_angular,
+                "slides, and its positions are in m",
+                "`nominal_m`, `position_min_m` and `position_max_m`",
+            ),
+            false => (
+                given.is_linear,
+                "turns, and its positions are in rad",
+                "`nominal_rad`, `position_min_rad` and `position_max_rad`",
+            ),
+        };
+        if is_wrong {
+            let message = format!("joint `{}` {what}", joint.name);
+            self.document.fault(given.span.clone(), message, "here", format!("give {keys}"));
+        }
+    }
+
     /// Position limits of a joint from the side file, else from the URDF.
     fn limits(&mut self, joint: &'a Joint, given: Option<&JointSide>) -> Option<(f64, f64)> {
         let (mut lower, mut upper) = match (joint.kind, joint.limit.lower, joint.limit.upper) {
@@ -135,13 +164,20 @@ impl<'a> Reader<'a, '_, '_> {
             }
             (lower, upper) = (upper, lower);
         }
-        if (min.is_none() || max.is_none()) && has_degrees(self.urdf, joint) {
+        let slides = joint.kind == Kind::Prismatic;
+        if slides && (joint.limit.lower.is_none() || joint.limit.upper.is_none()) {
+            (lower, upper) = (joint.limit.lower.unwrap_or(0.0), joint.limit.upper.unwrap_or(0.0));
+        }
+        if slides {
+            // A stroke has no whole turns.
+        } else if (min.is_none() || max.is_none()) && has_degrees(self.urdf, joint) {
             self.degrees.push(joint);
         } else if min.is_none() && lower <= -TURN_RAD || max.is_none() && upper >= TURN_RAD {
             self.endless.push(joint);
         }
-        let min_rad = min.unwrap_or(lower.clamp(-TURN_RAD, TURN_RAD));
-        let max_rad = max.unwrap_or(upper.clamp(-TURN_RAD, TURN_RAD));
+        let within = |limit: f64| if slides { limit } else { limit.clamp(-TURN_RAD, TURN_RAD) };
+        let min_rad = min.unwrap_or(within(lower));
+        let max_rad = max.unwrap_or(within(upper));
         if min_rad < max_rad {
             return Some((min_rad, max_rad));
         }
@@ -158,13 +194,14 @@ impl<'a> Reader<'a, '_, '_> {
             self.notes.fault(joint.span.clone(), message, "in degrees?", help);
             return None;
         }
+        let unit = if slides { "m" } else { "rad" };
         let message = format!(
-            "joint `{}` cannot move: its limits are {min_rad} and {max_rad} rad",
+            "joint `{}` cannot move: its limits are {min_rad} and {max_rad} {unit}",
             joint.name
         );
         let help = format!(
-            "lock the joint in the side file, [lock] {} = {}, or give `position_min_rad` and \
-             `position_max_rad` there",
+            "lock the joint in the side file, [lock] {} = {}, or give `position_min_{unit}` and \
+             `position_max_{unit}` there",
             key(&joint.name),
             show(min_rad)
         );

@@ -170,6 +170,7 @@ fn skeleton(joints: &[DraftJoint]) -> Robot {
         child: of.child,
         parent_from_joint: of.parent_from_joint,
         axis_in_joint: of.axis,
+        travel_m_per_rad: of.travel_m_per_rad,
         position_min_rad: of.range.min_rad,
         position_max_rad: of.range.max_rad,
         nominal_rad: of.range.nominal_rad,

@@ -10,7 +10,12 @@ pub(super) const LEG_YIELDS_RAD: f64 = 0.3;
 /// Deflection of a joint of an arm under the weight of the stretched arm, rad.
 const ARM_YIELDS_RAD: f64 = 0.12;
 
-/// Load of one joint.
+/// Deflection of a prismatic joint of a leg under its load, as a fraction of the leg's length.
+const SLIDE_YIELDS: f64 = 0.01;
+/// Deflection of a prismatic joint of an arm under the weight beyond it, m.
+const ARM_YIELDS_M: f64 = 0.01;
+
+/// Load of one joint. A prismatic joint has N, m and kg in place of N·m, rad and kg·m².
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Load {
     /// Torque that the joint has to hold at the longest lever, N·m: its limb's share of the weight times the length of the
@@ -20,6 +25,17 @@ pub(super) struct Load {
     pub yields_rad: f64,
     /// Inertia of all moved bodies about the joint's axis in the standing pose, without rotors, kg·m².
     pub inertia_kg_m2: f64,
+}
+
+impl Load {
+    /// Load of a prismatic joint at the pinion of its motor.
+    pub fn at_pinion(&self, travel_m_per_rad: f64) -> Self {
+        Self {
+            holds_nm: self.holds_nm * travel_m_per_rad,
+            yields_rad: self.yields_rad / travel_m_per_rad,
+            inertia_kg_m2: self.inertia_kg_m2 * travel_m_per_rad * travel_m_per_rad,
+        }
+    }
 }
 
 /// Loads of all joints in the order of [`Bodies::moving`]. `limbs` has the limb of each body.
@@ -45,6 +61,18 @@ pub(super) fn loads(
     };
     let load = |(joint, axis): (usize, &Unit<Vector3<f64>>)| {
         let child = bodies.moving[joint].child;
+        if bodies.moving[joint].slides {
+            let beyond = beyond(bodies, child).into_iter();
+            let mass_kg: f64 = beyond.map(|body| bodies.bodies[body].mass.mass_kg).sum();
+            let share_n = weight_n / supports.max(1) as f64;
+            let length_m = length(limbs[child]);
+            let stands = length_m > 0.0;
+            let (holds, yields) = match stands {
+                true => (share_n.max(mass_kg * GRAVITY_M_S2), SLIDE_YIELDS * length_m),
+                false => (mass_kg * GRAVITY_M_S2, ARM_YIELDS_M),
+            };
+            return Load { holds_nm: holds, yields_rad: yields, inertia_kg_m2: mass_kg };
+        }
         let axis = poses[child].rotation * axis.into_inner();
         let origin = poses[child].translation.vector;
         let (mut inertia_kg_m2, mut beyond_nm) = (0.0, 0.0);

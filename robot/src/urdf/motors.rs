@@ -2,7 +2,7 @@
 
 use super::draft::{DraftSheet, Motor, Sheet};
 use super::loads::Load;
-use super::model::Joint;
+use super::model::{self, Joint};
 use super::names::{Names, allowed};
 use super::notes::Notes;
 use super::side::{ActuatorSide, MotorSide, Side};
@@ -51,9 +51,18 @@ impl<'s> Motors<'s> {
         Self { side, weight_n, maxima, sheets: vec![], names, taken, remarks: vec![] }
     }
 
-    /// Motor of a joint.
-    pub fn joint(&mut self, given: &MotorSide, joint: &Joint, load: &Load, limb: usize) -> Motor {
-        self.motor(given, Some(joint), Some(load), (joint.span.clone(), &joint.name), limb)
+    /// Motor of a joint. A prismatic joint has a displacement per radian, m/rad.
+    pub fn joint(
+        &mut self,
+        given: &MotorSide,
+        joint: &Joint,
+        load: &Load,
+        travel_m_per_rad: Option<f64>,
+        limb: usize,
+    ) -> Motor {
+        let about = (joint.span.clone(), joint.name.as_str());
+        let travel = travel_m_per_rad.unwrap_or(1.0);
+        self.motor(given, (joint.limit, travel), Some(&load.at_pinion(travel)), about, limb)
     }
 
     /// Motor of an actuated wheel. Without a joint in the URDF its limits come from the side file.
@@ -65,21 +74,22 @@ impl<'s> Motors<'s> {
         limb: usize,
     ) -> Motor {
         let about = axle.map_or((0..0, name), |axle| (axle.span.clone(), axle.name.as_str()));
-        self.motor(given, axle, None, about, limb)
+        self.motor(given, (axle.map(|axle| axle.limit).unwrap_or_default(), 1.0), None, about, limb)
     }
 
-    /// Motor of a joint with its load, or of a wheel without one.
+    /// Motor of a joint with its load, or of a wheel without one. `limits` are those of the file, in m and N for a joint that
+    /// slides by the number after them, m/rad; 1 for joints that turn.
     fn motor(
         &mut self,
         given: &MotorSide,
-        joint: Option<&Joint>,
+        limits: (model::Limit, f64),
         load: Option<&Load>,
         about: (Span, &str),
         limb: usize,
     ) -> Motor {
         let find = |name: &str| self.side.actuators.iter().find(|table| table.name == name);
         let own = given.actuator.as_ref().and_then(|(name, _)| find(name));
-        let sheet = self.sheet(own, find(DEFAULT), joint, load, about);
+        let sheet = self.sheet(own, find(DEFAULT), limits, load, about);
         let known = self.sheets.iter().position(|known| known.sheet == sheet);
         let sheet = known.unwrap_or_else(|| {
             let fallback = if load.is_some() { "motor" } else { "drive" };
@@ -105,13 +115,12 @@ impl<'s> Motors<'s> {
         &mut self,
         own: Option<&ActuatorSide>,
         default: Option<&ActuatorSide>,
-        joint: Option<&Joint>,
+        (limits, per_rad): (model::Limit, f64),
         load: Option<&Load>,
         about: (Span, &str),
     ) -> Sheet {
         let side = |index: usize| own.and_then(|own| own.numbers[index]);
         let fallback = |index: usize| default.and_then(|default| default.numbers[index]);
-        let limits = joint.map(|joint| joint.limit).unwrap_or_default();
         let MotorMaxima {
             torque_nm: torque_most,
             kp_nm_rad: kp_most,
@@ -120,24 +129,26 @@ impl<'s> Motors<'s> {
         } = self.maxima;
         let speed_most = SPEEDS_MAX_RAD_S[usize::from(load.is_none())];
         let usual = (self.weight_n * LEVER_M).min(torque_most);
-        let mut limit = |limit: &Limit, most: f64, written: Option<f64>, usual: f64| {
+        let mut limit = |limit: &Limit, most: f64, written: Option<f64>, scale: f64, usual: f64| {
             if let Some(given) = side(limit.index) {
                 return given;
             }
-            let (taken, remark) = limit.settle(written, fallback(limit.index), usual, most);
+            let (taken, remark) = limit.settle(written, scale, fallback(limit.index), usual, most);
             if let Some(remark) = remark {
                 self.remark_on(&about, remark);
             }
             taken
         };
-        let speed = limit(&SPEED, speed_most, limits.velocity, SPEED_RAD_S);
-        let torque = limit(&TORQUE, torque_most, limits.effort, usual);
+        let speed = limit(&SPEED, speed_most, limits.velocity, 1.0 / per_rad, SPEED_RAD_S);
+        let torque = limit(&TORQUE, torque_most, limits.effort, per_rad, usual);
         let or = |index, value: f64| side(index).or(fallback(index)).unwrap_or(value);
         // An effort beyond all drives is a placeholder value.
-        let placeholder = limits.effort.is_some_and(|effort| effort > torque_most);
+        let placeholder = limits.effort.is_some_and(|effort| effort * per_rad > torque_most);
         let strength = if placeholder { torque.min(usual) } else { torque };
-        let armature =
-            side(4).or(limits.armature_kg_m2.filter(|armature| *armature <= armature_most));
+        let armature = side(4).or(limits
+            .armature_kg_m2
+            .map(|of| of * per_rad * per_rad)
+            .filter(|armature| *armature <= armature_most));
         let armature =
             armature.unwrap_or_else(|| or(4, (ARMATURE_PER_TORQUE * strength).min(armature_most)));
         let (kp, kd) = match load {
@@ -154,7 +165,10 @@ impl<'s> Motors<'s> {
             own.and_then(|own| own.model.clone()).or_else(|| default.and_then(|d| d.model.clone()));
         let model = model.unwrap_or_else(|| {
             let sound = |written: Option<f64>, max| written.is_some_and(|w| w > 0.0 && w <= max);
-            let read = [sound(limits.velocity, speed_most), sound(limits.effort, torque_most)];
+            let read = [
+                sound(limits.velocity.map(|of| of / per_rad), speed_most),
+                sound(limits.effort.map(|of| of * per_rad), torque_most),
+            ];
             match read {
                 [true, true] => "limits of the model",
                 [false, false] => "default of the import",
@@ -225,10 +239,11 @@ const TORQUE: Limit = Limit {
 
 impl Limit {
     /// Limit from the URDF, the side file's default or the usual value, with a remark if the URDF's cannot be used. `max` is the
-    /// largest value of any drive.
+    /// largest value of any drive. `scale` converts the limit of the URDF to the unit of the motor.
     fn settle(
         &self,
         written: Option<f64>,
+        scale: f64,
         default: Option<f64>,
         usual: f64,
         max: f64,
@@ -236,8 +251,8 @@ impl Limit {
         let Self { attribute, quantity, field, unit, .. } = self;
         let help = "give the right value in an [actuator.NAME] of the side file";
         match written {
-            Some(written) if written > 0.0 && written <= max => (written, None),
-            Some(written) if written > max => {
+            Some(written) if written > 0.0 && written * scale <= max => (written * scale, None),
+            Some(written) if written * scale > max => {
                 let (most, of) = match default {
                     Some(most) if most <= max => (most, "from [actuator.default]"),
                     // Rounded down, because the digits of a robot file could round it up.
@@ -327,7 +342,7 @@ mod tests {
     #[test]
     fn a_limit_beyond_all_drives_stays_below_the_largest_when_written() {
         for (max, expected) in [(160.0, 160.0), (4_324.851_387_999_997, 4_324.851)] {
-            let (taken, remark) = TORQUE.settle(Some(1e6), None, 1.0, max);
+            let (taken, remark) = TORQUE.settle(Some(1e6), 1.0, None, 1.0, max);
             assert_eq!(taken, expected);
             assert!(remark.unwrap().contains("the largest value of a drive"));
         }

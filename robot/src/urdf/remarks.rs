@@ -91,14 +91,15 @@ impl Remarks<'_, '_, '_> {
                 && !joint.has_blank_limits()
                 && joint.mimics.is_none()
         });
-        let slide = locked(&|joint| {
-            matches!(joint.kind, Kind::Prismatic | Kind::Planar | Kind::Floating)
-                && joint.mimics.is_none()
+        let slide = locked(&|joint| joint.kind == Kind::Prismatic && joint.mimics.is_none());
+        let loose = locked(&|joint| {
+            matches!(joint.kind, Kind::Planar | Kind::Floating) && joint.mimics.is_none()
         });
         self.joints(&follow, "follows another joint (<mimic>, or <joint> of an equality). The template locks the joint where it is if the other one is at 0, because joints of a robot file move independently: correct its position for the standing pose");
         self.joints(&blank, "all limits are 0, as some exporters write for unknown limits. The template locks the joint. If the joint moves, write its limits into the model, or remove the joint from [lock] and give `position_min_rad` and `position_max_rad`");
         self.joints(&stuck, "both limits are equal, so the template locks the joint; correct the limits in the model if the joint moves");
-        self.joints(&slide, "does not turn about an axis, so the template locks the joint");
+        self.joints(&slide, "slides and carries no foot or wheel, or has no stroke, so the template locks the joint; to give the joint a motor, remove it from [lock]");
+        self.joints(&loose, "has several degrees of freedom, so the template locks the joint");
         let (passive, idle) = (self.draft.passive.clone(), self.draft.idle.clone());
         self.joints(&passive, "has no actuator in the model, so the template locks the joint; to give the joint a motor, remove it from [lock]");
         let text = format!(

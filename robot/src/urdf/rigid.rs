@@ -178,12 +178,12 @@ fn check_moving(rigid: &Rigid, urdf: &Urdf, graph: &Graph, tree: &Tree, notes: &
                 show(mimic.offset())
             );
             notes.fault(joint.span.clone(), message, "no motor of its own", help);
-        } else if !matches!(joint.kind, Kind::Revolute | Kind::Continuous) {
+        } else if matches!(joint.kind, Kind::Planar | Kind::Floating) {
             let kind = format!("{:?}", joint.kind).to_ascii_lowercase();
             let message = format!("joint `{}` is {kind}", joint.name);
             let help = format!(
                 "lock the joint in the side file, [lock] {name} = 0.0, or name a link behind the joint as \
-                 `root`: each joint of a robot file turns about an axis"
+                 `root`: each joint of a robot file turns about an axis or slides along it"
             );
             notes.fault(joint.span.clone(), message, "cannot be imported", help);
         }

@@ -65,6 +65,12 @@ pub(super) struct JointSide {
     pub min_rad: Option<f64>,
     pub max_rad: Option<f64>,
     pub nominal_rad: Option<f64>,
+    /// True if a position is given in rad.
+    pub is_angular: bool,
+    /// True if a position is given in m, or a travel.
+    pub is_linear: bool,
+    /// Displacement of a prismatic joint per radian of its motor, m/rad.
+    pub travel_m_per_rad: Option<f64>,
     pub motor: MotorSide,
 }
 
@@ -188,11 +194,26 @@ fn motor(table: &Table<'_>) -> MotorSide {
 }
 
 fn joint(name: &str, table: &Table<'_>) -> JointSide {
-    let [min_rad, max_rad, nominal_rad] = ["position_min_rad", "position_max_rad", "nominal_rad"]
+    let angular = ["position_min_rad", "position_max_rad", "nominal_rad"]
         .map(|key| table.given(key, Table::number));
+    let linear = ["position_min_m", "position_max_m", "nominal_m"]
+        .map(|key| table.given(key, Table::number));
+    let travel_m_per_rad = table.given("travel_m_per_rad", Table::number);
     let motor = motor(table);
     table.done();
-    JointSide { joint: name.to_owned(), span: table.span(), min_rad, max_rad, nominal_rad, motor }
+    let [min_rad, max_rad, nominal_rad] = [0, 1, 2].map(|k| angular[k].or(linear[k]));
+    let is_given = |all: &[Option<f64>; 3]| all.iter().any(Option::is_some);
+    JointSide {
+        joint: name.to_owned(),
+        span: table.span(),
+        min_rad,
+        max_rad,
+        nominal_rad,
+        is_angular: is_given(&angular),
+        is_linear: is_given(&linear) || travel_m_per_rad.is_some(),
+        travel_m_per_rad,
+        motor,
+    }
 }
 
 fn end_effector(mut table: Table<'_>) -> Option<EndEffectorSide> {

@@ -150,6 +150,9 @@ fn finished(
     let joints = joints.filter(|(_, joint)| joint.kind != Kind::Fixed).map(|(index, joint)| {
         let position = moving.iter().position(|moving| moving.name == joint.name);
         let proposal = match (position, draft.rigid.locked.get(&index)) {
+            (Some(position), _) if joint.kind == Kind::Prismatic => {
+                format!("nominal {:.4} m", stance.angles_rad[position])
+            }
             (Some(position), _) => format!("nominal {:.3} rad", stance.angles_rad[position]),
             (None, Some(at)) => format!("locked at {at}"),
             (None, None) => "axle of a wheel".to_owned(),

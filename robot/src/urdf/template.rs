@@ -115,7 +115,7 @@ fn locks(text: &mut String, content: &Content<'_>) {
 
 fn joints(text: &mut String, content: &Content<'_>) {
     if !content.moving.is_empty() {
-        *text += "\n# Angles of the standing pose. Also: position_min_rad, position_max_rad, actuator, bus and id.\n[joint]\n";
+        *text += "\n# Angles of the standing pose. Also: position_min_rad, position_max_rad, actuator, bus and id; for joints that slide in m, with\n# travel_m_per_rad.\n[joint]\n";
     }
     for (joint, angle) in content.moving.iter().zip(&content.stance.angles_rad) {
         let given = content.side.joints.iter().find(|given| given.joint == joint.name);
@@ -124,7 +124,8 @@ fn joints(text: &mut String, content: &Content<'_>) {
         let rounded = (angle * 1e3).round() / 1e3;
         let guessed = if (min..=max).contains(&rounded) { rounded } else { *angle };
         let nominal = given.and_then(|given| given.nominal_rad).unwrap_or(guessed);
-        let mut entry = format!("nominal_rad = {}", show(nominal));
+        let unit = if joint.kind == Kind::Prismatic { "m" } else { "rad" };
+        let mut entry = format!("nominal_{unit} = {}", show(nominal));
         if let Some([min, max]) = limits(content.urdf, joint) {
             let _ = write!(
                 entry,
@@ -133,13 +134,14 @@ fn joints(text: &mut String, content: &Content<'_>) {
                 show(max)
             );
         } else if let Some(given) = given {
-            for (key, limit) in
-                [("position_min_rad", given.min_rad), ("position_max_rad", given.max_rad)]
-            {
+            for (key, limit) in [("position_min", given.min_rad), ("position_max", given.max_rad)] {
                 if let Some(limit) = limit {
-                    let _ = write!(entry, ", {key} = {}", show(limit));
+                    let _ = write!(entry, ", {key}_{unit} = {}", show(limit));
                 }
             }
+        }
+        if let Some(travel) = given.and_then(|given| given.travel_m_per_rad) {
+            let _ = write!(entry, ", travel_m_per_rad = {}", show(travel));
         }
         if let Some(given) = given {
             motor(&mut entry, ", ", &given.motor);

@@ -4,6 +4,7 @@ mod contacts;
 mod couplings;
 mod document;
 mod linkages;
+mod prismatic;
 mod rules;
 mod shapes;
 mod springs;

@@ -3,7 +3,7 @@
 use super::{SIDE, URDF, edited, good, imported};
 
 #[track_caller]
-fn refused(urdf: &str, side: &str, words: &[&str]) {
+pub(super) fn refused(urdf: &str, side: &str, words: &[&str]) {
     let error = imported(urdf, side).expect_err("a mistake");
     let found: Vec<_> = error.faults().map(|fault| format!("{fault} ({})", fault.help)).collect();
     let found = format!("{}: {}", error.file_name(), found.join("\n"));
@@ -128,8 +128,6 @@ fn trees_that_are_none() {
 
 #[test]
 fn joints_that_robot_files_do_not_have() {
-    let unlocked = edited(SIDE, "mast = 0.15", "");
-    refused(URDF, &unlocked, &["rover.urdf", "`mast` is prismatic", "[lock] mast = 0.0"]);
     let behind = edited(SIDE, "wheel_joint = \"left_axle\"", "wheel_joint = \"left_arm\"");
     refused(URDF, &behind, &["rover.urdf", "`left_axle` moves a link that is part of a wheel"]);
 }

@@ -11,6 +11,7 @@ mod oracle;
 mod physics;
 mod repairs;
 mod shapes;
+mod slides;
 mod stances;
 mod surveys;
 

@@ -59,6 +59,7 @@ fn robot(legs: usize) -> Robot {
                 child,
                 parent_from_joint: Isometry3::translation(0.0, 0.0, -0.06),
                 axis_in_joint: Vector3::y(),
+                travel_m_per_rad: None,
                 position_min_rad: -1.5,
                 position_max_rad: 1.5,
                 nominal_rad: 0.2,

@@ -1,6 +1,5 @@
 //! Drives: gains and rotor inertia of motors.
 
-use crate::force::Wrench;
 use crate::motor::Motor;
 use crate::sensitivity::parameter::{Column, Constant, Parameter, SolvedStep};
 use crate::system::System;
@@ -50,8 +49,7 @@ impl Parameter for MotorParameter {
                     MotorQuantity::Torque => by.torque,
                     MotorQuantity::Armature => -motor.acceleration(view),
                 };
-                let moment = motor.axis_in_world(&view.now[0]) * torque;
-                [-moment, moment].map(|moment| Wrench { moment, ..Wrench::default() })
+                motor.unit_wrenches(view.now).map(|unit| unit * torque)
             });
             column.add_force(&motor.bodies, &wrenches);
         }

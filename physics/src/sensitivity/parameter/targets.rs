@@ -1,6 +1,5 @@
 //! Targets of motors that depend on a parameter, such as a delay, a scale or an encoder offset.
 
-use crate::force::Wrench;
 use crate::motor::Motor;
 use crate::sensitivity::parameter::{Column, Parameter, SolvedStep};
 use std::fmt;
@@ -46,8 +45,7 @@ pub(super) fn target_by(
     let wrenches = solved.view(number, |view| {
         let by = motor.law_by(view);
         let change = by.position_nm_rad * angle + by.speed_nm_s_rad * speed + by.torque * torque;
-        let moment = motor.axis_in_world(&view.now[0]) * change;
-        [-moment, moment].map(|moment| Wrench { moment, ..Wrench::default() })
+        motor.unit_wrenches(view.now).map(|unit| unit * change)
     });
     column.add_force(&motor.bodies, &wrenches);
 }

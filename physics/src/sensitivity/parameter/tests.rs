@@ -64,6 +64,7 @@ fn scene(model: FrictionModel, law: Law) -> Scene {
         bodies: [0, 1],
         axis,
         across: [Vector3::x(); 2],
+        slide: None,
         armature_kg_m2: 0.02,
         stops: None,
         spring: None,

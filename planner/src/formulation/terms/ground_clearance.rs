@@ -46,8 +46,8 @@ impl Term for GroundClearance {
                     out.d(1, BASE_YAW + c, turn(axis, &pose.frames.link_origins[0]));
                 }
                 for &j in joints {
-                    let origin = &pose.frames.link_origins[robot.joints[j].child];
-                    out.d(1, JOINTS + j, turn(&pose.frames.joint_axes[j], origin));
+                    let arm = center - pose.frames.link_origins[robot.joints[j].child];
+                    out.d(1, JOINTS + j, -away.dot(&pose.frames.joint_displacement(j, &arm)));
                 }
             }
             if point.least_m > 0.0 && point.least_m == robot.clearance_margin_m {

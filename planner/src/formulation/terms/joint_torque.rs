@@ -6,12 +6,13 @@
 //!
 //! ```text
 //! τ_joint = w · [ Σ m (p − o) × (p̈ − g) − Σ (e − o) × f ] − τ_spring     τ_motor = A⁻ᵀ τ_joint + I_a A q̈
+//! τ_joint = s · [ Σ m (p̈ − g) − Σ f ] − τ_spring                         of a prismatic joint
 //! ```
 //!
-//! w and o are the axis and origin of the joint, p the points that it carries, e and f the contacts beyond it, τ_spring the
-//! torque of the joint's spring and damper at the sample, I_a the inertia of rotor and gearbox, and A the ratios of the motors
-//! ([`rollwalk_robot::Transmission`]). Accelerations are second differences
-//! in the mean around the sample ([`crate::problem::MeanWeights`]); p × p̈ follows from the moments that the limb sweeps
+//! w and o are the axis and origin of the joint, s its displacement per radian, p the points that it carries, e and f the
+//! contacts beyond it, τ_spring the torque of the joint's spring and damper at the sample, I_a the inertia of rotor and gearbox,
+//! and A the ratios of the motors ([`rollwalk_robot::Transmission`]). Accelerations are second differences in the mean around
+//! the sample ([`crate::problem::MeanWeights`]); p × p̈ follows from the moments that the limb sweeps
 //! ([`rollwalk_multibody::euler::SweptMoment`]). |τ| has a kink at 0, where the row is far from active, so that one row covers
 //! both signs.
 
@@ -112,6 +113,8 @@ struct Torque<'w> {
     joint: usize,
     /// Torque that motors apply, N·m, without rotors.
     value_nm: f64,
+    /// Displacement of a prismatic joint per radian, m/rad, and the inertia forces minus all other forces beyond the joint, N.
+    slide: Option<(Vector3<f64>, Vector3<f64>)>,
     axis: Vector3<f64>,
     origin: Vector3<f64>,
     /// Rate of change of the angular momentum beyond the joint minus the moment of all other forces there, about its origin, N·m.
@@ -154,7 +157,14 @@ impl<'w> Torque<'w> {
             moment -= (here.vector(vars.position) - origin).cross(&f);
             ground_force += f;
         }
-        let mut value_nm = axis.dot(&moment);
+        let slide = here.pose.frames.joint_slides[joint].map(|slide| {
+            let bent = arms[0] - arms[1] * 2.0 + arms[2];
+            (slide, bent * per_h2 - gravity() * carried.mass_kg - ground_force)
+        });
+        let mut value_nm = match &slide {
+            Some((slide, force)) => slide.dot(force),
+            None => axis.dot(&moment),
+        };
         if let Some(spring) = &model.robot().joints[joint].spring {
             let angles = window.states.map(|state| state.vars[JOINTS + joint]);
             let speed_rad_s = (angles[2] - angles[0]) / (2.0 * problem.interval_s);
@@ -164,6 +174,7 @@ impl<'w> Torque<'w> {
             window,
             joint,
             value_nm,
+            slide,
             axis,
             origin,
             moment,
@@ -189,6 +200,11 @@ impl<'w> Torque<'w> {
             }
         }
         let (axis, per_h2) = (axis * factor, per_h2 * factor);
+        if let Some((slide, force)) = &self.slide {
+            self.differentiate_slide(&(slide * factor), force, out);
+            self.differentiate_rotor(rotor, out);
+            return;
+        }
         for &j in self.standing() {
             let vars = &window.problem.layout.end_effectors[j];
             let arm = here.vector(vars.position) - self.origin;
@@ -202,14 +218,7 @@ impl<'w> Torque<'w> {
         out.d_vector(0, BASE_POSITION, &d_shift);
         out.d_vector(1, BASE_POSITION, &(d_origin - d_shift * 2.0));
         out.d_vector(2, BASE_POSITION, &d_shift);
-        if let Some((per_h2, Rotor { motor, armature_kg_m2 })) = rotor {
-            let inertia = armature_kg_m2 * per_h2;
-            for (k, times) in [(0, 1.0), (1, -2.0), (2, 1.0)] {
-                for of in ratios(window, k).ratios(motor) {
-                    out.d(k, JOINTS + of.joint, of.ratio * (inertia * times));
-                }
-            }
-        }
+        self.differentiate_rotor(rotor, out);
 
         let [before, here, after] = self.arms;
         let d_origin = d_origin + self.axis.cross(&(before - here * 2.0 + after)) * per_h2;
@@ -239,10 +248,93 @@ impl<'w> Torque<'w> {
             }
             let origin = |joint: usize| pose.frames.link_origins[model.robot().joints[joint].child];
             for &above in &model.carried(*joint).above {
-                turn(JOINTS + above, *joint, &pose.frames.joint_axes[above], &origin(above), true);
+                if pose.frames.joint_slides[above].is_none() {
+                    let axis = &pose.frames.joint_axes[above];
+                    turn(JOINTS + above, *joint, axis, &origin(above), true);
+                }
             }
             for &part in std::iter::once(joint).chain(&model.carried(*joint).below) {
-                turn(JOINTS + part, part, &pose.frames.joint_axes[part], &origin(part), false);
+                if pose.frames.joint_slides[part].is_none() {
+                    turn(JOINTS + part, part, &pose.frames.joint_axes[part], &origin(part), false);
+                }
+            }
+            // A shift above the joint moves its origin with the limb, and a shift beyond it the lever arm of the weight.
+            for &above in &model.carried(*joint).above {
+                let Some(slide) = &pose.frames.joint_slides[above] else { continue };
+                let mut derivative = self.shifted(k, *joint, slide) * per_h2;
+                if k == 1 {
+                    derivative += d_origin.dot(slide);
+                }
+                out.d(k, JOINTS + above, derivative);
+            }
+            for &part in &model.carried(*joint).below {
+                let Some(slide) = &pose.frames.joint_slides[part] else { continue };
+                let mut derivative = self.shifted(k, part, slide) * per_h2;
+                if k == 1 {
+                    derivative += d_weight_arm.dot(slide) * model.carried(part).mass_kg;
+                }
+                out.d(k, JOINTS + part, derivative);
+            }
+        }
+    }
+
+    /// Adds the derivative of the torque of a rotor.
+    fn differentiate_rotor(&self, rotor: Option<(f64, Rotor)>, out: &mut RowWriter) {
+        let Some((per_h2, Rotor { motor, armature_kg_m2 })) = rotor else { return };
+        let inertia = armature_kg_m2 * per_h2;
+        for (k, times) in [(0, 1.0), (1, -2.0), (2, 1.0)] {
+            for of in ratios(self.window, k).ratios(motor) {
+                out.d(k, JOINTS + of.joint, of.ratio * (inertia * times));
+            }
+        }
+    }
+
+    /// Adds the derivative of s · F of a prismatic joint. `slide` is s times a factor.
+    fn differentiate_slide(&self, slide: &Vector3<f64>, force: &Vector3<f64>, out: &mut RowWriter) {
+        let Self { window, joint, per_h2, .. } = self;
+        let model = &window.problem.model;
+        for &j in self.standing() {
+            let vars = &window.problem.layout.end_effectors[j];
+            out.d_vector(1, vars.force, &-slide);
+        }
+        let carried = model.carried(*joint);
+        for (k, times) in [(0, 1.0), (1, -2.0), (2, 1.0)] {
+            let frames = &window.states[k].pose.frames;
+            let child = |joint: usize| model.robot().joints[joint].child;
+            // Derivative of Σ m p̈ with respect to Σ m p at this sample.
+            let by_moment = slide * (times * per_h2);
+            out.d_vector(k, BASE_POSITION, &(by_moment * carried.mass_kg));
+            let mut turn = |dof: usize, w: &Vector3<f64>, about: &Vector3<f64>| {
+                let lever = frames.carried_moments[child(*joint)] - about * carried.mass_kg;
+                let mut derivative = by_moment.dot(&w.cross(&lever));
+                if k == 1 {
+                    derivative += force.dot(&w.cross(slide));
+                }
+                out.d(k, dof, derivative);
+            };
+            let base = window.states[k].vector(BASE_POSITION);
+            for (c, w) in window.states[k].pose.base_axes.iter().enumerate() {
+                turn(BASE_YAW + c, w, &base);
+            }
+            for &above in carried.above.iter().filter(|&&j| frames.joint_slides[j].is_none()) {
+                let origin = &frames.link_origins[child(above)];
+                turn(JOINTS + above, &frames.joint_axes[above], origin);
+            }
+            for &above in &carried.above {
+                let Some(shift) = &frames.joint_slides[above] else { continue };
+                out.d(k, JOINTS + above, by_moment.dot(shift) * carried.mass_kg);
+            }
+            for &part in std::iter::once(joint).chain(&carried.below) {
+                let mass_kg = model.carried(part).mass_kg;
+                let arm = match frames.joint_slides[part] {
+                    Some(shift) => shift * mass_kg,
+                    None => {
+                        let lever = frames.carried_moments[child(part)]
+                            - frames.link_origins[child(part)] * mass_kg;
+                        frames.joint_axes[part].cross(&lever)
+                    }
+                };
+                out.d(k, JOINTS + part, by_moment.dot(&arm));
             }
         }
     }
@@ -266,6 +358,22 @@ impl<'w> Torque<'w> {
             0 => -first(into),
             1 => first(out_of) - second(into),
             _ => second(out_of),
+        };
+        self.axis.dot(&change)
+    }
+
+    /// Derivative as in [`turned`](Self::turned), with respect to a displacement `slide` of the links that joint `part` carries.
+    fn shifted(&self, k: usize, part: usize, slide: &Vector3<f64>) -> f64 {
+        let model = &self.window.problem.model;
+        let child = model.robot().joints[part].child;
+        let mass_kg = model.carried(part).mass_kg;
+        let arm = |at: usize| {
+            self.window.states[at].pose.frames.carried_moments[child] - self.origin * mass_kg
+        };
+        let change = match k {
+            0 => -slide.cross(&arm(1)),
+            1 => slide.cross(&arm(2)) - arm(0).cross(slide),
+            _ => arm(1).cross(slide),
         };
         self.axis.dot(&change)
     }

@@ -35,11 +35,9 @@ impl Term for LinkClearance {
             if out.differentiates() {
                 for (joints, sign) in pair.joints.iter().zip([1.0, -1.0]) {
                     for &j in joints {
-                        let by_turn = near.map_or(0.0, |near| {
-                            let origin = &pose.frames.link_origins[robot.joints[j].child];
-                            near.by_turn(&pose.frames.joint_axes[j], origin)
-                        });
-                        out.d(1, JOINTS + j, sign * by_turn);
+                        let by_joint =
+                            near.map_or(0.0, |near| near.by_joint(&pose.frames, robot, j));
+                        out.d(1, JOINTS + j, sign * by_joint);
                     }
                 }
             }

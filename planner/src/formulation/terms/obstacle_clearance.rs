@@ -38,8 +38,9 @@ impl Term for ObstacleClearance {
                         out.d(1, BASE_YAW + c, by_turn(axis, &pose.frames.link_origins[0]));
                     }
                     for &j in part.joints(model.tree()) {
-                        let origin = &pose.frames.link_origins[robot.joints[j].child];
-                        out.d(1, JOINTS + j, by_turn(&pose.frames.joint_axes[j], origin));
+                        let by_joint =
+                            near.map_or(0.0, |near| -near.by_joint(&pose.frames, robot, j));
+                        out.d(1, JOINTS + j, by_joint);
                     }
                 }
                 let missing = near.map_or(-FAR_M, |near| obstacle.margin_m - near.distance_m);

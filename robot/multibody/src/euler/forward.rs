@@ -2,7 +2,7 @@
 //!
 //! A point x on a link moves by w_k × (x − o_k) per radian of a degree of freedom k above the link; a vector a moves by w_k ×
 //! a. Here w_k is the axis of k, and o_k its origin, in world axes. The base's yaw, pitch and roll are three such axes through
-//! the base origin. The position of the base translates all points equally.
+//! the base origin. The position of the base, and a prismatic joint, translate all points equally.
 
 use super::{BASE_YAW, EndEffectorPose, Model, Pose};
 use crate::rotation;
@@ -27,12 +27,14 @@ impl Pose {
             at.d_center.extend(translations);
             at.d_rotation.extend([Vector3::zeros(); 3]);
             let turns = base_axes.iter().map(|w| (w, base_origin));
-            let joints = tree.joints_to_link(ee.link).iter();
-            let origin = |j: usize| frames.link_origins[robot.joints[j].child];
-            let joints = joints.map(|&j| (&frames.joint_axes[j], origin(j)));
-            for (w, origin) in turns.chain(joints) {
+            for (w, origin) in turns {
                 at.d_center.push(w.cross(&(at.center - origin)));
                 at.d_rotation.push(*w);
+            }
+            for &j in tree.joints_to_link(ee.link) {
+                let arm = at.center - frames.link_origins[robot.joints[j].child];
+                at.d_center.push(frames.joint_displacement(j, &arm));
+                at.d_rotation.push(frames.joint_axes[j]);
             }
             at.d_axis.extend(at.d_rotation.iter().map(|w| w.cross(&at.axis)));
         }

@@ -102,6 +102,13 @@ impl SweptMoment {
             let child = joint.child;
             let mass = model.tree().carried_mass_kg(j);
             let moment = |pose: &Pose| pose.frames.carried_moments[child] - pose.com * mass;
+            if let (Some(slide), Some(next)) =
+                (&from.frames.joint_slides[j], &to.frames.joint_slides[j])
+            {
+                d_from.push(slide.cross(&moment(to)));
+                d_to.push(moment(from).cross(next));
+                continue;
+            }
             let arm = |pose: &Pose| pose.frames.link_origins[child] - pose.com;
             let first = sums[child] - arm(from) * moment(to).transpose();
             let second = sums[child] - moment(from) * arm(to).transpose();

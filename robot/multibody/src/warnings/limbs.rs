@@ -30,6 +30,9 @@ fn axes(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
         let Some(before) = robot.joints.iter().position(|other| other.child == joint.parent) else {
             continue;
         };
+        if [before, after].iter().any(|&joint| robot.joints[joint].is_prismatic()) {
+            continue;
+        }
         let axis = frames.joint_axes[before];
         let apart = frames.link_origins[joint.child] - frames.link_origins[joint.parent];
         let parallel = axis.cross(&frames.joint_axes[after]).norm() < PARALLEL;
@@ -50,7 +53,7 @@ fn ends(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
     for end in &robot.end_effectors {
         let joints = seen.tree.joints_to_link(end.link);
         let last = robot.joints.iter().position(|joint| joint.child == end.link);
-        for &joint in joints {
+        for &joint in joints.iter().filter(|&&joint| !robot.joints[joint].is_prismatic()) {
             let is_idle = |frames: &Frames| {
                 let axis = frames.joint_axes[joint];
                 let center = frames.point(end.link, &end.center_in_link_m);

@@ -2,7 +2,7 @@
 
 use super::warning::{CheckedRobot, RobotWarning};
 use crate::CompositeInertia;
-use rollwalk_robot::{Actuator, Channel, Robot};
+use rollwalk_robot::{Actuator, Channel, Joint, Robot};
 
 /// Maximum plausible ratio of a joint's rotor inertia to the largest inertia that the joint, or a joint before it, carries.
 const ARMATURE_OF_LIMB: f64 = 5.0;
@@ -53,8 +53,9 @@ pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
         if yields_rad > YIELDS_MAX_RAD {
             warnings.push(warning(format!(
                 "`kp_nm_rad` is {}, too low to carry the robot: the joint yields by \
-                 {yields_rad:.2} rad; multiply a value in N·m per degree by 57.3",
-                motor.kp_nm_rad
+                 {yields_rad:.2} rad{}; multiply a value in N·m per degree by 57.3",
+                motor.kp_nm_rad,
+                of_motor(joint)
             )));
         }
         let inertia_kg_m2 = carried[index] + armature_kg_m2;
@@ -63,6 +64,12 @@ pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
     }
     warnings.extend(unset_buses(robot));
     warnings
+}
+
+/// Addition to an angle of a prismatic joint.
+fn of_motor(joint: &Joint) -> String {
+    let travel = joint.travel_m_per_rad;
+    travel.map_or_else(String::new, |of| format!(" of its motor, {of} m each"))
 }
 
 /// Warnings about motors on a bus without settings, if other buses have them.

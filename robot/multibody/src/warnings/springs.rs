@@ -13,23 +13,32 @@ pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
     let warning = |load: PassiveLoad| {
         let joint = &robot.joints[load.joint];
         let spring = joint.spring.unwrap_or_default();
-        let rest_rad = joint.nominal_rad + load.nominal_nm / spring.stiffness_nm_rad;
+        // A prismatic joint has metres and newtons.
+        let per_rad = joint.per_rad();
+        let [stiffness_key, stiffness_unit, rest_key, unit, nominal_key] =
+            match joint.is_prismatic() {
+                true => ["stiffness_n_m", "N/m", "rest_m", "m", "nominal_m"],
+                false => ["stiffness_nm_rad", "N·m/rad", "rest_rad", "rad", "nominal_rad"],
+            };
+        let per_square = per_rad * per_rad;
+        let rest = (joint.nominal_rad + load.nominal_nm / spring.stiffness_nm_rad) * per_rad;
         let text = match load.stands_at_rad {
             None if spring.stiffness_nm_rad < RESERVE * load.stable_nm_rad => format!(
-                "`stiffness_nm_rad` is {}, too soft to stand: the load grows by {:.2} N·m/rad as the joint yields; give at \
-                 least {:.2} N·m/rad",
-                spring.stiffness_nm_rad,
-                load.stable_nm_rad,
-                RESERVE * load.stable_nm_rad
+                "`{stiffness_key}` is {}, too soft to stand: the load grows by {:.2} {stiffness_unit} as the joint yields; give at \
+                 least {:.2} {stiffness_unit}",
+                spring.stiffness_nm_rad / per_square,
+                load.stable_nm_rad / per_square,
+                RESERVE * load.stable_nm_rad / per_square
             ),
             None => format!(
-                "its spring does not hold the standing robot within the limits of the joint; give `rest_rad` = {rest_rad:.3}, \
-                 with which the robot stands in the nominal pose, or a larger `stiffness_nm_rad`"
+                "its spring does not hold the standing robot within the limits of the joint; give `{rest_key}` = {rest:.3}, \
+                 with which the robot stands in the nominal pose, or a larger `{stiffness_key}`"
             ),
             Some(at_rad) if (at_rad - joint.nominal_rad).abs() > OFF_MAX_RAD => format!(
-                "the robot stands with the joint at {at_rad:.3} rad, not at `nominal_rad` {}; give `rest_rad` = {rest_rad:.3}, \
-                 or correct `nominal_rad`",
-                joint.nominal_rad
+                "the robot stands with the joint at {:.3} {unit}, not at `{nominal_key}` {}; give `{rest_key}` = {rest:.3}, \
+                 or correct `{nominal_key}`",
+                at_rad * per_rad,
+                joint.nominal_rad * per_rad
             ),
             Some(_) => return None,
         };

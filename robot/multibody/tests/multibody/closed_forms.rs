@@ -42,6 +42,7 @@ fn two_link_arm() -> Robot {
             child: k + 1,
             parent_from_joint: Isometry3::translation(k as f64 * L1, 0.0, 0.0),
             axis_in_joint: Vector3::z(),
+            travel_m_per_rad: None,
             position_min_rad: -3.0,
             position_max_rad: 3.0,
             nominal_rad: 0.0,
@@ -128,4 +129,49 @@ fn a_spinning_wheel_resists_turning_as_a_gyroscope() {
     top.inverse_dynamics(&tree, &Vector3::zeros(), &mut torque);
     assert!((torque[6] - 10.0 * (spin_inertia + ARMATURE)).abs() < 1e-15); // rounding
     assert!((torque[4] - 10.0 * spin_inertia).abs() < 1e-15); // rounding
+}
+
+/// Mass that slides along an arm at a distance r = r₀ + t φ from the axis of the arm, which turns by q.
+#[test]
+fn a_mass_on_a_turning_rail_has_its_equations_of_motion() {
+    const TRAVEL: f64 = 0.05;
+    let mut robot = two_link_arm();
+    robot.joints[1].axis_in_joint = Vector3::x();
+    robot.joints[1].travel_m_per_rad = Some(TRAVEL);
+    robot.joints[1].actuator = actuator(0.0);
+    robot.joints[0].actuator = actuator(0.0);
+    let tree = Tree::new(&robot);
+    let (angle, pinion) = (0.7, 1.3);
+    let (speed, pinion_speed) = (0.9, -2.1);
+    let (acceleration, pinion_acceleration) = (-1.7, 3.0);
+    let joint_rad = [angle, pinion];
+    let at = Configuration {
+        base_position_m: Vector3::zeros(),
+        world_from_body: Matrix3::identity(),
+        joint_rad: &joint_rad,
+    };
+    let mut kinematics = Kinematics::new(&tree, &at);
+    let mut velocity = vec![0.0; tree.dofs()];
+    velocity[JOINTS..].copy_from_slice(&[speed, pinion_speed]);
+    kinematics.update(&tree, &at, &velocity);
+    let mut rates = vec![0.0; tree.dofs()];
+    rates[JOINTS..].copy_from_slice(&[acceleration, pinion_acceleration]);
+    kinematics.accelerate(&tree, &rates);
+    let mut force = vec![0.0; tree.dofs()];
+    let g = 9.81;
+    kinematics.inverse_dynamics(&tree, &Vector3::new(0.0, -g, 0.0), &mut force);
+
+    let r = L1 + LC[1] + TRAVEL * pinion;
+    let (dr, ddr) = (TRAVEL * pinion_speed, TRAVEL * pinion_acceleration);
+    let inertia = I[0] + M[0] * LC[0] * LC[0] + I[1] + M[1] * r * r;
+    let torque = inertia * acceleration
+        + 2.0 * M[1] * r * dr * speed
+        + (M[0] * LC[0] + M[1] * r) * g * angle.cos();
+    let along = M[1] * (ddr - r * speed * speed + g * angle.sin());
+    assert!((force[JOINTS] - torque).abs() < 1e-12, "{} {torque}", force[JOINTS]); // rounding
+    // The force of the rack at the pinion.
+    let expected = along * TRAVEL;
+    assert!((force[JOINTS + 1] - expected).abs() < 1e-12, "{} {expected}", force[JOINTS + 1]);
+    let tip = kinematics.frames.point(2, &Vector3::new(LC[1], 0.0, 0.0));
+    assert!((tip - Vector3::new(r * angle.cos(), r * angle.sin(), 0.0)).norm() < 1e-12);
 }

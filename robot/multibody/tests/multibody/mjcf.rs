@@ -113,7 +113,8 @@ fn link(tree: &Tree, index: usize, out: &mut String) {
         writeln!(out, "<body name=\"{name}\" pos=\"{position}\" quat=\"{quaternion}\">").unwrap();
         // The rotor of a coupled motor is in its tendon.
         let armature = if joint.is_coupled() { 0.0 } else { joint.actuator.armature_kg_m2 };
-        hinge(&joint.name, &joint.axis_in_joint, armature, joint.spring, out);
+        let kind = if joint.is_prismatic() { "slide" } else { "hinge" };
+        movable(kind, &joint.name, &joint.axis_in_joint, armature, joint.spring, out);
         link(tree, joint.child, out);
     }
     *out += "</body>\n";
@@ -126,8 +127,23 @@ fn hinge(
     spring: Option<JointSpring>,
     out: &mut String,
 ) {
+    movable("hinge", name, axis, armature_kg_m2, spring, out);
+}
+
+fn movable(
+    kind: &str,
+    name: &str,
+    axis: &Vector3<f64>,
+    armature_kg_m2: f64,
+    spring: Option<JointSpring>,
+    out: &mut String,
+) {
     let axis = numbers(*axis);
-    write!(out, "<joint name=\"{name}\" axis=\"{axis}\" armature=\"{armature_kg_m2:?}\"").unwrap();
+    write!(
+        out,
+        "<joint name=\"{name}\" type=\"{kind}\" axis=\"{axis}\" armature=\"{armature_kg_m2:?}\""
+    )
+    .unwrap();
     if let Some(JointSpring { stiffness_nm_rad, rest_rad, damping_nm_s_rad }) = spring {
         write!(
             out,

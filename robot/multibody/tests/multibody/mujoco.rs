@@ -1,16 +1,16 @@
-//! Test of the crate against MuJoCo, on random states of every shipped robot and of one with springs.
+//! Test of the crate against MuJoCo, on random states of every shipped robot and of ones with springs and prismatic joints.
 //!
 //! The test is ignored by default because it needs Python with the package `mujoco`, which `cargo xtask test --only multibody`
 //! installs. `robot/multibody/tests/compare_with_mujoco.py` compares the results.
 
 use crate::mjcf;
-use crate::robots::{State, full_tree, numbers, shipped, sprung, vector};
+use crate::robots::{State, full_tree, numbers, shipped, sliding, sprung, vector};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Matrix6xX, Vector3};
 use rollwalk_multibody::{
     CompositeInertia, JOINTS, Kinematics, RimContact, Tree, about_com, centroidal_momentum_matrix,
     forward_dynamics,
 };
-use rollwalk_robot::Robot;
+use rollwalk_robot::{Joint, Robot};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -24,8 +24,11 @@ const STATES: usize = 50;
 fn agrees_with_mujoco() {
     let states = env::var("MULTIBODY_STATES").map_or(STATES, |text| text.parse().unwrap());
     let mut robots = shipped();
-    robots.retain(|robot| robot.joints.iter().all(|joint| joint.linkage.is_none()));
+    let is_plain = |joint: &Joint| joint.linkage.is_none() && !joint.is_prismatic();
+    robots.retain(|robot| robot.joints.iter().all(is_plain));
     robots.push(sprung(&robots[0]));
+    // Coordinates of a prismatic joint with 1 m/rad are those of MuJoCo, in metres.
+    robots.push(sprung(&sliding(&robots[0], &[1.0])));
     let files: Vec<PathBuf> = robots.iter().map(|robot| write(robot, states)).collect();
     let output = compare(&files);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

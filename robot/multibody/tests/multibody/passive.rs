@@ -34,6 +34,7 @@ fn on_ankles(spring: JointSpring, nominal_rad: f64) -> Robot {
                 child: robot.links.len(),
                 parent_from_joint: Isometry3::translation(origin[0], origin[1], origin[2]),
                 axis_in_joint: Vector3::y(),
+                travel_m_per_rad: None,
                 position_min_rad: -1.0,
                 position_max_rad: 1.0,
                 nominal_rad,

@@ -25,7 +25,7 @@ pub fn shipped() -> Vec<Robot> {
     paths.iter().map(robot).collect()
 }
 
-/// Shipped robots, and SwizzleBot on skates, which no shipped robot has.
+/// Shipped robots, SwizzleBot on skates and AgileBot with joints that slide, which no shipped robot has.
 pub fn all() -> Vec<Robot> {
     let mut robots = shipped();
     let mut skater = robots.iter().find(|robot| robot.name == "swizzlebot").unwrap().clone();
@@ -39,7 +39,19 @@ pub fn all() -> Vec<Robot> {
         ee.contact = Contact::Skate { axis_in_link, blade_length_m: 0.12, drag };
     }
     robots.push(skater);
+    let agilebot = robots.iter().find(|robot| robot.name == "agilebot").unwrap();
+    robots.push(sliding(agilebot, &[0.05, 0.3]));
     robots
+}
+
+/// Returns the robot with every third joint prismatic, with the given displacements per radian, m/rad.
+pub fn sliding(robot: &Robot, travels_m_per_rad: &[f64]) -> Robot {
+    let mut robot = Robot { name: format!("{}_sliding", robot.name), ..robot.clone() };
+    for (joint, travel) in robot.joints.iter_mut().step_by(3).zip(travels_m_per_rad.iter().cycle())
+    {
+        joint.travel_m_per_rad = Some(*travel);
+    }
+    robot
 }
 
 /// Returns the robot with a spring, a damper or both at each joint.

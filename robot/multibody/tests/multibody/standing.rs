@@ -30,6 +30,7 @@ fn table(feet: &[[f64; 2]], com: Vector3<f64>) -> Robot {
             child,
             parent_from_joint: Isometry3::translation(at[0], at[1], at[2]),
             axis_in_joint: Vector3::y(),
+            travel_m_per_rad: None,
             position_min_rad: -2.0,
             position_max_rad: 2.0,
             nominal_rad,

@@ -304,8 +304,9 @@ fn read_joint<'a, 'i>(
         (false, false) if own.is_none() && !drives.driven.is_empty() => Drive::None,
         _ => Drive::Other,
     };
-    let reference_rad = scaled(reader, reference);
-    let spring = turns.then(|| found.springs.read(reader, of, &name, reference_rad, drive));
+    let reference = scaled(reader, reference);
+    let springs = turns || kind == Kind::Prismatic;
+    let spring = springs.then(|| found.springs.read(reader, of, &name, reference, drive));
     let own = own.map(|[low, high]| low.abs().max(high.abs()));
     let effort = own.into_iter().chain(drives.effort.get(&*name).copied()).reduce(f64::min);
     let limit = Limit {

@@ -46,13 +46,13 @@ pub fn is_undamped<'a, 'i>(
 }
 
 impl Springs {
-    /// Reads spring and damper of a hinge. `reference_rad` is the angle of the file at angle 0.
+    /// Reads spring and damper of a hinge, or of a slide in m and N. `reference` is the position of the file at position 0.
     pub fn read<'a, 'i>(
         &mut self,
         reader: &mut Reader<'_, '_, '_, 'a, 'i>,
         of: Element<'a, 'i>,
         name: &str,
-        reference_rad: f64,
+        reference: f64,
         drive: Drive,
     ) -> Option<JointSpring> {
         let [stiffness, damping] =
@@ -64,7 +64,11 @@ impl Springs {
         let rest = reader.number(of, "springref").unwrap_or_default();
         let mut spring = JointSpring {
             stiffness_nm_rad: linear(&stiffness),
-            rest_rad: reader.angle(rest) - reference_rad,
+            rest_rad: if reader.word(of, "type") == Some("slide") {
+                rest
+            } else {
+                reader.angle(rest)
+            } - reference,
             damping_nm_s_rad: linear(&damping),
         };
         if spring.stiffness_nm_rad == 0.0 {

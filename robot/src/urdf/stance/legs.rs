@@ -68,10 +68,10 @@ impl Carried {
         Self { counts }
     }
 
-    /// Joints between the root and `body` that carry no other body with a tip, from the root outwards.
+    /// Joints between the root and `body` that turn and carry no other body with a tip, from the root outwards.
     pub fn own_joints(&self, bodies: &Bodies, body: usize) -> Vec<usize> {
         let mut own = chain(bodies, body);
-        own.retain(|&joint| self.counts[joint] == 1);
+        own.retain(|&joint| self.counts[joint] == 1 && !bodies.moving[joint].slides);
         own
     }
 }

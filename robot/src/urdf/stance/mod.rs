@@ -29,7 +29,7 @@ const LEVEL: f64 = 0.1;
 /// Number of corrections that put two feet below the centre of mass.
 const BALANCING_STEPS: usize = 5;
 
-/// Axis and limits of a joint, and its angle in the keyframe `home`.
+/// Axis and limits of a joint, and its position in the keyframe `home`, rad or m.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Turn {
     pub axis: Unit<Vector3<f64>>,
@@ -69,6 +69,11 @@ pub(super) fn turns(urdf: &Urdf, bodies: &Bodies) -> Vec<Turn> {
     let turn = |joint: &super::model::Joint| {
         let [min_rad, max_rad] = position_limits(urdf, joint);
         let home_rad = joint.home;
+        // A leg stands with half of its stroke left, and bends by the joints that turn.
+        if joint.kind == Kind::Prismatic {
+            let middle = home_rad.unwrap_or(0.5 * (min_rad + max_rad)).clamp(min_rad, max_rad);
+            return Turn { axis: joint.axis, min_rad: middle, max_rad: middle, home_rad };
+        }
         // A spring without a motor holds its joint near the rest angle.
         match urdf.holding_spring(joint) {
             Some(spring) => {
@@ -201,7 +206,7 @@ fn com_m(bodies: &Bodies, poses: &[Isometry3<f64>]) -> Vector3<f64> {
     weighted.sum::<Vector3<f64>>() / mass_kg
 }
 
-/// Poses of all bodies in the frame of the root, at the given angles about the given axes.
+/// Poses of all bodies in the frame of the root, at the given positions of joints, rad or m, about or along the given axes.
 pub(super) fn poses<'a>(
     bodies: &Bodies,
     axes: impl IntoIterator<Item = &'a Unit<Vector3<f64>>>,
@@ -209,7 +214,8 @@ pub(super) fn poses<'a>(
 ) -> Vec<Isometry3<f64>> {
     let mut poses = vec![Isometry3::identity(); bodies.bodies.len()];
     for (moving, (axis, &angle)) in bodies.moving.iter().zip(axes.into_iter().zip(angles_rad)) {
-        let motion = motion(Kind::Revolute, axis, angle);
+        let kind = if moving.slides { Kind::Prismatic } else { Kind::Revolute };
+        let motion = motion(kind, axis, angle);
         poses[moving.child] = poses[moving.parent] * moving.parent_from_joint * motion;
     }
     poses
