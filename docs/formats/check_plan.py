@@ -91,6 +91,10 @@ def link_poses(robot, position, rotation, angles):
         frame = joint["parent_from_joint"]
         origin = add(p, apply(r, frame["position_m"]))
         r = matmul(r, from_quaternion(frame["orientation_wxyz"]))
+        if "travel_m_per_rad" in joint:
+            slide = apply(r, scale(joint["axis_in_joint"], joint["travel_m_per_rad"]))
+            poses[joint["child"]] = (r, add(origin, scale(slide, angle)))
+            continue
         poses[joint["child"]] = (matmul(r, from_axis_angle(joint["axis_in_joint"], angle)), origin)
     return poses
 
@@ -342,12 +346,13 @@ def joint_torques(line, k):
         frame = joint["parent_from_joint"]
         turn = matmul(around[1][joint["parent"]][0], from_quaternion(frame["orientation_wxyz"]))
         axis, origin = apply(turn, joint["axis_in_joint"]), around[1][joint["child"]][1]
-        beyond, moment = carried_links(robot, joint), [0.0] * 3
+        beyond, moment, force = carried_links(robot, joint), [0.0] * 3, [0.0] * 3
         for index in beyond:
             link = robot["links"][index]
             centers = [add(p, apply(r, link["com_in_link_m"])) for r, p in (poses[index] for poses in around)]
             push = add(scale(second_difference(*centers), per_h2), [0.0, 0.0, gravity])
             moment = add(moment, scale(cross(sub(centers[1], origin), push), link["mass_kg"]))
+            force = add(force, scale(push, link["mass_kg"]))
             axes = [transpose(poses[index][0]) for poses in around]
             flat = link["inertia_in_link_kg_m2"]
             half_trace = 0.5 * (flat[0] + flat[4] + flat[8])
@@ -359,13 +364,16 @@ def joint_torques(line, k):
         for foot, e in zip(robot["end_effectors"], state["end_effectors"]):
             if foot["link"] in beyond:
                 moment = sub(moment, cross(sub(e["position_m"], origin), e["force_n"]))
+                force = sub(force, e["force_n"])
         angles = [line.states[n]["joint_rad"][index_of_joint] for n in (k - 1, k, k + 1)]
         armature = joint["actuator"]["armature_kg_m2"] if "actuator" in joint else 0.0
         rotor = armature * (angles[0] - 2 * angles[1] + angles[2]) * per_h2
         spring = joint.get("spring", {"stiffness_nm_rad": 0.0, "rest_rad": 0.0, "damping_nm_s_rad": 0.0})
         stretch, speed = angles[1] - spring["rest_rad"], (angles[2] - angles[0]) / (2 * line.h)
         held = spring["stiffness_nm_rad"] * stretch + spring["damping_nm_s_rad"] * speed
-        torques.append(dot(axis, moment) + rotor + held)
+        # The motor of a prismatic joint moves it by the travel per radian.
+        load = dot(axis, force) * joint["travel_m_per_rad"] if "travel_m_per_rad" in joint else dot(axis, moment)
+        torques.append(load + rotor + held)
     return torques
 
 

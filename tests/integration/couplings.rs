@@ -1,5 +1,5 @@
-//! Tests of robots with springs, belts, or cranks and rods from motors in the body: plan, library behind the bus, tracking and
-//! exports.
+//! Tests of robots with springs, telescopic legs, belts, or cranks and rods from motors in the body: plan, library behind the
+//! bus, tracking and exports.
 
 use crate::desk_with_shipped_files;
 use rollwalk_tests::Desk;
@@ -80,6 +80,23 @@ fn a_robot_with_five_bar_legs_walks_behind_the_bus_and_tracked() {
     let model = walked_coupled("pup_five_bar");
     assert_eq!(model.matches("<spatial name=\"").count(), 4);
     assert_eq!(model.matches("tendon1=\"front_left_knee_rod\"").count(), 1);
+}
+
+#[test]
+fn a_robot_with_telescopic_legs_walks_behind_the_bus_and_tracked() {
+    let desk = desk_with_shipped_files();
+    walked(&desk, "pup_linear");
+    desk.run(&["simulate", "walk.json", "--tracking"]).succeeds();
+    let model = desk.read_text("walk.xml");
+    assert_eq!(model.matches("type=\"slide\"").count(), 4);
+    // The controls are the angles of the servos.
+    assert_eq!(model.matches("gear=\"55.55555555555556\"").count(), 4);
+    let described = desk.run(&["robot", "check", "robots/pup_linear.toml"]).succeeds();
+    assert!(described.contains("prismatic joint"), "{described}");
+    desk.run(&["robot", "export", "robots/pup_linear.toml", "-o", "pup.urdf"]).succeeds();
+    let urdf = desk.read_text("pup.urdf");
+    assert_eq!(urdf.matches("type=\"prismatic\"").count(), 4);
+    assert!(urdf.contains("lower=\"0\" upper=\"0.05\""), "{urdf}");
 }
 
 #[test]

@@ -27,7 +27,7 @@ class Drives:
         N."""
         m = self.model.m
         # A motor that drives is within its torque-speed line; a motor that brakes has its full torque.
-        speed = d.qvel[self.model.channel_dofs]
+        speed = d.qvel[self.model.channel_dofs] / self.model.channel_per_rad
         driving = np.minimum(self.torque_max, np.maximum(self.stall * (1 - np.abs(speed) / self.no_load), 0.0))
         low, high = m.actuator_forcerange[:, 0], m.actuator_forcerange[:, 1]
         high[:] = np.where(speed > 0, driving, self.torque_max)

@@ -31,7 +31,7 @@ class InverseDynamics:
         for j, force in enumerate(self.planned_forces(motion, time_s)):
             if np.any(force):
                 needed -= self.contact_jacobian(j).T @ force
-        return needed[model.channel_dofs], needed[0:6]
+        return needed[model.channel_dofs] * model.channel_per_rad, needed[0:6]
 
     def planned_forces(self, motion, time_s):
         """Forces in the frame of the splines, which continue through later periods."""
@@ -92,7 +92,7 @@ def at_rest(model, motion):
             missing = (needed - stacked @ forces.ravel())[0:6]
             change = np.linalg.lstsq(stacked[0:6], missing, rcond=1e-9)[0]
             needed -= stacked @ (forces.ravel() + change)
-        found.append(needed[model.channel_dofs])
+        found.append(needed[model.channel_dofs] * model.channel_per_rad)
     return found
 
 

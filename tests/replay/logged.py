@@ -115,10 +115,11 @@ def played(log, robot, look=lambda d: None, parts=PARTS):
     drives = Drives(model, ROLLING_SIGN_WIDTH_M_S)
     feet = np.full(m.ngeom, -1)
     feet[model.foot_geoms] = np.arange(len(model.foot_geoms))
-    driven = model.joint_qpos[robots.driven(robot)]
+    which = robots.driven(robot)
+    driven = model.joint_qpos[which]
     d.qpos[:7] = log.base[0]
-    d.qpos[model.joint_qpos] = [joint["nominal_rad"] for joint in robot["joints"]]
-    d.qpos[driven] = log.angle[0, : len(driven)]
+    d.qpos[model.joint_qpos] = model.per_rad * [joint["nominal_rad"] for joint in robot["joints"]]
+    d.qpos[driven] = log.angle[0, : len(driven)] * model.per_rad[which]
     mujoco.mj_forward(m, d)
     up, height = d.xmat[1][6:9].copy(), d.subtree_com[1][2]
     load = np.zeros(len(model.foot_geoms))

@@ -58,6 +58,7 @@ class Model:
         joints = [joint("joint:" + j["name"]) for j in robot["joints"]]
         wheels = [joint("wheel:" + f["name"]) if robots.spins(f) else -1 for f in feet]
         self.joint_qpos, self.joint_dofs = m.jnt_qposadr[joints], m.jnt_dofadr[joints]
+        self.per_rad = robots.per_rad(robot)
         self.wheel_qpos = [m.jnt_qposadr[w] if w >= 0 else -1 for w in wheels]
         self.wheel_dofs = [m.jnt_dofadr[w] if w >= 0 else -1 for w in wheels]
         # One row for each channel: joints, then driven wheels. Actuators have the same order.
@@ -65,6 +66,8 @@ class Model:
         joints = list(self.joint_dofs[robots.driven(robot)])
         wheels = [self.wheel_dofs[c[3]] for c in self.channels if c[3] is not None]
         self.channel_dofs = np.array(joints + wheels, dtype=int)
+        # Displacement of each channel's coordinate per radian of its motor.
+        self.channel_per_rad = np.array([*self.per_rad[robots.driven(robot)], *[1.0] * len(wheels)])
         self.mass_kg = float(m.body_subtreemass[1])
 
     def place(self, position, yaw_pitch_roll, joint_rad, wheel_rad):
@@ -73,7 +76,7 @@ class Model:
         q[0:3] = position
         yaw, pitch, roll = yaw_pitch_roll
         q[3:7] = robots.quaternion(roll, pitch, yaw)
-        q[self.joint_qpos] = joint_rad
+        q[self.joint_qpos] = np.asarray(joint_rad) * self.per_rad
         for address, angle in zip(self.wheel_qpos, wheel_rad):
             if address >= 0:
                 q[address] = angle
@@ -113,9 +116,11 @@ def _mjcf(robot, gravity, ground):
         kind = "joint" if joint is not None else "wheel"
         kp = actuator["kp_nm_rad"] if joint is not None else 0.0
         limit = actuator["torque_max_nm"]
+        # Angles, torques and gains of a prismatic joint are those of its motor.
+        gear = 1.0 / joint.get("travel_m_per_rad", 1.0) if joint is not None else 1.0
         out.append(
             f'<general joint="{kind}:{name}" gainprm="1" biastype="affine" '
-            f'biasprm="0 {-kp!r} {-actuator["kd_nm_s_rad"]!r}" forcelimited="true" forcerange="{-limit!r} {limit!r}"/>'
+            f'biasprm="0 {-kp!r} {-actuator["kd_nm_s_rad"]!r}" gear="{gear!r}" forcelimited="true" forcerange="{-limit!r} {limit!r}"/>'
         )
     out += ["</actuator></mujoco>"]
     return "\n".join(out)
@@ -125,10 +130,10 @@ def _spring(joint):
     """Attributes of the spring and damper beside the motor of a joint."""
     if "spring" not in joint:
         return ""
-    spring = joint["spring"]
+    spring, per_rad = joint["spring"], joint.get("travel_m_per_rad", 1.0)
     return (
-        f' stiffness="{spring["stiffness_nm_rad"]!r}" springref="{spring["rest_rad"]!r}"'
-        f' damping="{spring["damping_nm_s_rad"]!r}"'
+        f' stiffness="{spring["stiffness_nm_rad"] / per_rad**2!r}" springref="{spring["rest_rad"] * per_rad!r}"'
+        f' damping="{spring["damping_nm_s_rad"] / per_rad**2!r}"'
     )
 
 
@@ -173,7 +178,9 @@ def _link(robot, index, clear, out):
         out.append(f'<body name="link:{child}" pos="{_numbers(frame["position_m"])}" quat="{turn}">')
         armature = joint["actuator"]["armature_kg_m2"] if "actuator" in joint else 0.0
         axis = _numbers(joint["axis_in_joint"])
-        out.append(f'<joint name="joint:{name}" axis="{axis}" armature="{armature!r}"{_spring(joint)}/>')
+        kind = "slide" if "travel_m_per_rad" in joint else "hinge"
+        armature /= joint.get("travel_m_per_rad", 1.0) ** 2
+        out.append(f'<joint name="joint:{name}" type="{kind}" axis="{axis}" armature="{armature!r}"{_spring(joint)}/>')
         _link(robot, joint["child"], clear, out)
     out.append("</body>")
 
@@ -267,6 +274,11 @@ def nominal_poses(robot):
         rotation, origin = poses[joint["parent"]]
         frame = joint["parent_from_joint"]
         mujoco.mju_quat2Mat(turn, np.array(frame["orientation_wxyz"]))
+        if "travel_m_per_rad" in joint:
+            child = rotation @ turn.reshape(3, 3)
+            slide = np.array(joint["axis_in_joint"]) * joint["travel_m_per_rad"] * joint["nominal_rad"]
+            poses[joint["child"]] = (child, origin + rotation @ np.array(frame["position_m"]) + child @ slide)
+            continue
         about = np.zeros(4)
         mujoco.mju_axisAngle2Quat(about, np.array(joint["axis_in_joint"]), joint["nominal_rad"])
         child = rotation @ turn.reshape(3, 3)

@@ -156,6 +156,11 @@ def _joint(joint, place, link_index, actuators, limb):
         # The limb's origin places the template, relative to the link that carries the limb.
         origin = origin + np.array(limb["origin_in_parent_m"], dtype=float)
     roll, pitch, yaw = joint.get("origin_rpy_rad", [0.0, 0.0, 0.0])
+    slides = joint.get("kind") == "prismatic"
+    # Angles of a prismatic joint are those of a pinion; its axis is mirrored as a direction.
+    travel = joint.get("travel_m_per_rad", PASSIVE_TRAVEL_M_PER_RAD) if slides else 1.0
+    axis = np.array(joint["axis_in_joint"], dtype=float)
+    position = lambda name: joint[f"{name}_m"] / travel if slides else joint[f"{name}_rad"]
     return {
         "name": place.name(joint["name"]),
         "parent": link_index(joint["parent"]),
@@ -164,19 +169,34 @@ def _joint(joint, place, link_index, actuators, limb):
             "position_m": list(origin),
             "orientation_wxyz": list(quaternion(place.sign * roll, pitch, place.sign * yaw)),
         },
-        "axis_in_joint": list(place.axis(joint["axis_in_joint"])),
-        "position_min_rad": joint["position_min_rad"],
-        "position_max_rad": joint["position_max_rad"],
-        "nominal_rad": joint["nominal_rad"],
+        "axis_in_joint": list(place.point(axis / np.linalg.norm(axis)) if slides else place.axis(axis)),
+        **({"travel_m_per_rad": travel} if slides else {}),
+        "position_min_rad": position("position_min"),
+        "position_max_rad": position("position_max"),
+        "nominal_rad": position("nominal"),
         **({"actuator": _actuator(actuators, joint["actuator"])} if "actuator" in joint else {}),
-        **_spring(joint),
+        **_spring(joint, travel if slides else None),
     }
 
 
-def _spring(joint):
-    """Spring and damper beside the motor; nothing for a joint without them."""
+# Travel of a prismatic joint without a motor.
+PASSIVE_TRAVEL_M_PER_RAD = 0.1
+
+
+def per_rad(robot):
+    """Displacement of each joint per radian of its coordinate in a plan: 1, or the travel of a prismatic joint, m/rad."""
+    return np.array([joint.get("travel_m_per_rad", 1.0) for joint in robot["joints"]])
+
+
+def _spring(joint, travel=None):
+    """Spring and damper beside the motor; nothing for a joint without them. `travel` is that of a prismatic joint."""
     if "spring" not in joint:
         return {}
+    if travel is not None:
+        stiffness, rest, damping = (joint["spring"].get(key, 0.0) for key in ("stiffness_n_m", "rest_m", "damping_n_s_m"))
+        square = travel * travel
+        values = stiffness * square, rest / travel, damping * square
+        return {"spring": dict(zip(("stiffness_nm_rad", "rest_rad", "damping_nm_s_rad"), values))}
     keys = "stiffness_nm_rad", "rest_rad", "damping_nm_s_rad"
     return {"spring": {key: joint["spring"].get(key, 0.0) for key in keys}}
 

@@ -46,8 +46,8 @@ class Sensed:
 
     def record(self, d, load, time_s, tick_s):
         """A line for the controller. `load` is the load of each end effector, N."""
-        speed = d.qvel[self.model.joint_dofs], d.qvel[self.wheel_dofs]
-        record = {"time_s": time_s, "touches": (load > self.least_n).tolist(), "joint_rad": d.qpos[self.model.joint_qpos].tolist()}
+        speed = d.qvel[self.model.joint_dofs] / self.model.per_rad, d.qvel[self.wheel_dofs]
+        record = {"time_s": time_s, "touches": (load > self.least_n).tolist(), "joint_rad": (d.qpos[self.model.joint_qpos] / self.model.per_rad).tolist()}
         is_first = self.last is None
         if is_first:
             record["world_from_plan"] = self.placement()

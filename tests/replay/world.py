@@ -260,8 +260,9 @@ class Simulation:
         track.planned_stance.append(stance)
         force = d.actuator_force
         track.saturated.append((force >= high - 1e-9) | (force <= low + 1e-9))
-        driven = self.model.joint_qpos[robots.driven(self.model.robot)]
-        errors = np.abs(d.qpos[driven] - position_rad[: len(driven)])
+        which = robots.driven(self.model.robot)
+        driven = d.qpos[self.model.joint_qpos[which]] / self.model.per_rad[which]
+        errors = np.abs(driven - position_rad[: len(driven)])
         track.joint_error_rad.append(errors.max(initial=0.0))
         com = d.subtree_com[1][2]
         # The centre of mass is below its plan by as much as the body, whose origin is arbitrary.

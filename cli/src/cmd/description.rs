@@ -28,7 +28,7 @@ pub fn describe(robot: &Robot) -> String {
         "servo",
         "bus:id",
     ]);
-    for joint in &robot.joints {
+    for joint in robot.joints.iter().filter(|joint| !joint.is_prismatic()) {
         let Actuator { model, speed_max_rad_s, torque_max_nm, bus, id, .. } = &joint.actuator;
         let of_motor = |text: String| if joint.is_passive() { "–".to_owned() } else { text };
         joints.row([
@@ -42,7 +42,12 @@ pub fn describe(robot: &Robot) -> String {
             of_motor(format!("{bus}:{id}")),
         ]);
     }
-    let _ = writeln!(text, "\n{}", joints.render());
+    if !robot.joints.iter().all(Joint::is_prismatic) || robot.joints.is_empty() {
+        let _ = writeln!(text, "\n{}", joints.render());
+    }
+    if robot.joints.iter().any(Joint::is_prismatic) {
+        let _ = writeln!(text, "\n{}", prismatic(robot).render());
+    }
     if robot.joints.iter().any(Joint::is_coupled) {
         let _ = writeln!(text, "\n{}", couplings(robot).render());
     }
@@ -123,6 +128,38 @@ fn couplings(robot: &Robot) -> Table {
     table
 }
 
+/// Prismatic joints, in metres and newtons, with the travel per radian of the servo.
+fn prismatic(robot: &Robot) -> Table {
+    let mut table = Table::new([
+        "prismatic joint",
+        "min m",
+        "max m",
+        "nominal m",
+        "m/s",
+        "N",
+        "m per rad",
+        "servo",
+        "bus:id",
+    ]);
+    for joint in &robot.joints {
+        let Some(travel) = joint.travel_m_per_rad else { continue };
+        let Actuator { model, speed_max_rad_s, torque_max_nm, bus, id, .. } = &joint.actuator;
+        let of_motor = |text: String| if joint.is_passive() { "–".to_owned() } else { text };
+        table.row([
+            joint.name.clone(),
+            fixed::<4>(joint.position_min_rad * travel),
+            fixed::<4>(joint.position_max_rad * travel),
+            fixed::<4>(joint.nominal_rad * travel),
+            of_motor(format!("{:.3}", speed_max_rad_s * travel)),
+            of_motor(format!("{:.1}", torque_max_nm / travel)),
+            format!("{travel:.5}"),
+            of_motor(model.clone()),
+            of_motor(format!("{bus}:{id}")),
+        ]);
+    }
+    table
+}
+
 /// Springs and dampers of joints, with the torque of the spring in the nominal pose.
 fn springs(robot: &Robot) -> Table {
     let mut table = Table::new([
@@ -135,7 +172,7 @@ fn springs(robot: &Robot) -> Table {
     for joint in &robot.joints {
         let Some(spring) = &joint.spring else { continue };
         table.row([
-            joint.name.clone(),
+            name_with_unit(joint),
             fixed::<3>(spring.stiffness_nm_rad),
             fixed::<3>(spring.rest_rad),
             fixed::<3>(spring.damping_nm_s_rad),
@@ -143,6 +180,14 @@ fn springs(robot: &Robot) -> Table {
         ]);
     }
     table
+}
+
+/// Name of a joint, with the unit of the angles of a prismatic joint.
+pub fn name_with_unit(joint: &Joint) -> String {
+    match joint.travel_m_per_rad {
+        Some(travel) => format!("{} (1 rad = {travel} m)", joint.name),
+        None => joint.name.clone(),
+    }
 }
 
 /// Draws `link` with the links below it.

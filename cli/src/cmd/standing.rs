@@ -1,6 +1,7 @@
 //! Statics of a robot in its nominal pose: heights, forces, torques against limits, sag and clearance, with the warnings of
 //! `rollwalk robot check`.
 
+use super::description::name_with_unit;
 use rollwalk_multibody::{PassiveLoad, Standing, Tree, passive_loads, warnings};
 use rollwalk_robot::Robot;
 use rollwalk_terminal::link::reach::leg_m;
@@ -67,6 +68,9 @@ struct Joint {
 #[derive(Debug, Serialize)]
 struct PassiveJoint {
     name: String,
+    /// Name in the table.
+    #[serde(skip)]
+    shown: String,
     /// Torque of the spring, N·m. Torque, angle and deflection are `null` if the spring is too soft to hold the links beyond the
     /// joint.
     torque_nm: Option<f64>,
@@ -83,6 +87,7 @@ impl PassiveJoint {
         let spring = joint.spring.unwrap_or_default();
         Self {
             name: joint.name.clone(),
+            shown: name_with_unit(joint),
             torque_nm: load.stands_at_rad.map(|at_rad| spring.torque_nm(at_rad, 0.0)),
             stands_at_rad: load.stands_at_rad,
             deflection_rad: load.stands_at_rad.map(|at_rad| at_rad - spring.rest_rad),
@@ -352,7 +357,7 @@ impl StandingReport {
             let or = |value: Option<f64>| value.map_or("too soft".to_owned(), fixed::<3>);
             for joint in &self.passive_joints {
                 springs.row([
-                    joint.name.clone(),
+                    joint.shown.clone(),
                     or(joint.torque_nm),
                     or(joint.deflection_rad),
                     or(joint.stands_at_rad),

@@ -57,7 +57,7 @@ pub struct Hinge<'r> {
     pub of: HingeOrigin<'r>,
 }
 
-/// Origin of a hinge in the robot file.
+/// Joint or wheel in the robot file to which a hinge belongs.
 #[derive(Clone, Copy)]
 pub enum HingeOrigin<'r> {
     /// A joint.
@@ -113,6 +113,19 @@ pub enum Role<'r> {
 }
 
 impl HingeOrigin<'_> {
+    /// Displacement per radian: 1 rad/rad, or the travel of a prismatic joint, m/rad.
+    pub fn per_rad(&self) -> f64 {
+        match self {
+            Self::Joint { joint, .. } => joint.per_rad(),
+            Self::Wheel { .. } => 1.0,
+        }
+    }
+
+    /// True for a prismatic joint.
+    pub fn slides(&self) -> bool {
+        matches!(self, Self::Joint { joint, .. } if joint.is_prismatic())
+    }
+
     /// Sort key for the order of channels: joints before wheels, each in the order of the robot file.
     pub fn order(&self) -> (bool, usize) {
         match *self {

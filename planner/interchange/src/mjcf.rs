@@ -235,18 +235,23 @@ impl Bodies<'_> {
             return xml.empty("freejoint", &[("name", "base".into())]);
         };
         let mut attributes = vec![("name", hinge.name.clone()), ("axis", vector(&hinge.axis))];
+        if hinge.of.slides() {
+            attributes.push(("type", "slide".into()));
+        }
+        let per_rad = hinge.of.per_rad();
+        let square = per_rad * per_rad;
         // The rotor of a coupled motor is in its tendon.
         if let Some(motor) = hinge.of.actuator().filter(|_| !is_coupled(hinge)) {
-            attributes.push(("armature", motor.armature_kg_m2.to_string()));
+            attributes.push(("armature", (motor.armature_kg_m2 / square).to_string()));
         }
         match hinge.of {
             HingeOrigin::Joint { joint, .. } => {
-                let range = numbers(&[joint.position_min_rad, joint.position_max_rad]);
-                attributes.push(("range", range));
+                let range = [joint.position_min_rad, joint.position_max_rad];
+                attributes.push(("range", numbers(&range.map(|angle| angle * per_rad))));
                 if let Some(spring) = &joint.spring {
-                    attributes.push(("stiffness", spring.stiffness_nm_rad.to_string()));
-                    attributes.push(("springref", spring.rest_rad.to_string()));
-                    attributes.push(("damping", spring.damping_nm_s_rad.to_string()));
+                    attributes.push(("stiffness", (spring.stiffness_nm_rad / square).to_string()));
+                    attributes.push(("springref", (spring.rest_rad * per_rad).to_string()));
+                    attributes.push(("damping", (spring.damping_nm_s_rad / square).to_string()));
                 }
             }
             HingeOrigin::Wheel { number, wheel } => {
@@ -387,6 +392,7 @@ fn is_coupled(hinge: &Hinge<'_>) -> bool {
 }
 
 /// Servos of joints and drives of wheels, in channel order: torque = kp (control − angle) − kd speed, or kd (control − speed).
+/// The gear of a prismatic joint makes its controls the angles of its motor.
 fn actuators(xml: &mut Xml, robot: &Robot, bodies: &[Body<'_>]) -> io::Result<()> {
     xml.element("actuator", &[], |xml| {
         for hinge in channels(robot, bodies) {
@@ -407,6 +413,9 @@ fn actuators(xml: &mut Xml, robot: &Robot, bodies: &[Body<'_>]) -> io::Result<()
             let mut attributes = vec![("name", hinge.name.clone()), driven];
             attributes.extend(gains.map(|(name, gain)| (name, gain.to_string())));
             attributes.push(("forcerange", numbers(&[-limit_nm, limit_nm])));
+            if hinge.of.slides() {
+                attributes.push(("gear", (1.0 / hinge.of.per_rad()).to_string()));
+            }
             xml.empty(kind, &attributes)?;
         }
         Ok(())

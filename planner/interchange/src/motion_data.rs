@@ -8,7 +8,7 @@ use crate::bodies::{Blades, bodies};
 use crate::mjcf::order::Order;
 use crate::mjcf::{channels, model_of};
 use crate::npz::Npz;
-use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::{ANGULAR, LINEAR};
 use rollwalk_planner::export::{Length, Rate};
 use rollwalk_planner::plan::Plan;
@@ -118,12 +118,25 @@ impl Frames {
         let [angles, speeds] = [&positions[BASE_POSITIONS..], &velocities[BASE_VELOCITIES..]];
         for ((hinged, angle), speed) in order.hinged.iter().zip(angles).zip(speeds) {
             let parent = &poses[hinged.parent];
-            let turn = UnitQuaternion::from_axis_angle(&hinged.axis, angle - hinged.zero_rad);
-            let pose = parent.world_from_body * hinged.parent_from_body * turn;
+            let slides = hinged.travel_m_per_rad.is_some();
+            let moved = match slides {
+                true => Translation3::from(hinged.axis.scale(*angle)).into(),
+                false => {
+                    let angle_rad = angle - hinged.zero_rad;
+                    let turn = UnitQuaternion::from_axis_angle(&hinged.axis, angle_rad);
+                    Isometry3::from_parts(Translation3::identity(), turn)
+                }
+            };
+            let pose = parent.world_from_body * hinged.parent_from_body * moved;
             let lever = pose.translation.vector - parent.world_from_body.translation.vector;
+            let along = pose.rotation * hinged.axis.scale(*speed);
+            let (slide, turn) = match slides {
+                true => (along, Vector3::zeros()),
+                false => (Vector3::zeros(), along),
+            };
             poses.push(Moving {
-                linear_m_s: parent.linear_m_s + parent.angular_rad_s.cross(&lever),
-                angular_rad_s: parent.angular_rad_s + pose.rotation * hinged.axis.scale(*speed),
+                linear_m_s: parent.linear_m_s + parent.angular_rad_s.cross(&lever) + slide,
+                angular_rad_s: parent.angular_rad_s + turn,
                 world_from_body: pose,
             });
         }

@@ -1,8 +1,8 @@
 //! Plan as JSON in the form of the ROS message `moveit_msgs/RobotTrajectory`: a `trajectory_msgs/JointTrajectory` of joints
 //! and driven wheels, and a `trajectory_msgs/MultiDOFJointTrajectory` of the body.
 //!
-//! Fields have the names and units of the messages (rad, rad/s, N·m, m, quaternions with w last), so that a node can copy the
-//! object into a message.
+//! Fields have the names and units of the messages (rad, rad/s, N·m, and m, m/s, N for prismatic joints; quaternions with w
+//! last), so that a node can copy the object into a message.
 
 use crate::bodies::{WORLD, joint_names};
 use nalgebra::Isometry3;
@@ -99,14 +99,18 @@ pub fn trajectory(plan: &Plan, rate: Rate) -> String {
         let ratios = transmission.at(&joint_rad);
         let all_nm = ratios.joint_torques(&all_nm);
         let joints_nm = robot.of_driven_joints(&all_nm);
-        let effort = joints_nm.chain(of_wheels.iter().copied()).collect();
-        let speeds_rad_s = ratios.joints(&setpoints.joint_speed_rad_s);
-        let of_driven = robot.of_driven_joints(&speeds_rad_s);
+        let per_rad = || robot.driven_joints().map(|joint| robot.joints[joint].per_rad());
+        let joints_effort = joints_nm.zip(per_rad()).map(|(torque, per_rad)| torque / per_rad);
+        let effort = joints_effort.chain(of_wheels.iter().copied()).collect();
+        let in_unit = |of_joints: &[f64]| -> Vec<f64> {
+            robot.of_driven_joints(of_joints).zip(per_rad()).map(|(of, per)| of * per).collect()
+        };
+        let speeds = in_unit(&ratios.joints(&setpoints.joint_speed_rad_s));
         let angles = spline.motor_angles_rad(time_s);
         let wheels = driven_wheels(robot).map(|wheel| angles[wheel]);
         joints.push(JointPoint {
-            velocities: of_driven.chain(setpoints.motor_speed_rad_s).collect(),
-            positions: robot.of_driven_joints(&joint_rad).chain(wheels).collect(),
+            velocities: speeds.into_iter().chain(setpoints.motor_speed_rad_s).collect(),
+            positions: in_unit(&joint_rad).into_iter().chain(wheels).collect(),
             effort,
             time_from_start,
         });

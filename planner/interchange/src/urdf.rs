@@ -146,7 +146,9 @@ fn joint(
     of: &Hinge<'_>,
     most: Option<[f64; 2]>,
 ) -> io::Result<()> {
+    let per_rad = of.of.per_rad();
     let kind = match of.of {
+        HingeOrigin::Joint { joint, .. } if joint.is_prismatic() => "prismatic",
         HingeOrigin::Joint { .. } => "revolute",
         HingeOrigin::Wheel { .. } => "continuous",
     };
@@ -157,19 +159,20 @@ fn joint(
         xml.empty("axis", &[("xyz", vector(&of.axis))])?;
         let mut limits = Vec::new();
         if let HingeOrigin::Joint { joint, .. } = of.of {
-            limits.push(("lower", joint.position_min_rad.to_string()));
-            limits.push(("upper", joint.position_max_rad.to_string()));
+            limits.push(("lower", (joint.position_min_rad * per_rad).to_string()));
+            limits.push(("upper", (joint.position_max_rad * per_rad).to_string()));
         }
         if let Some([torque_nm, speed_rad_s]) = most {
-            limits.push(("effort", torque_nm.to_string()));
-            limits.push(("velocity", speed_rad_s.to_string()));
+            limits.push(("effort", (torque_nm / per_rad).to_string()));
+            limits.push(("velocity", (speed_rad_s * per_rad).to_string()));
         }
         if !limits.is_empty() {
             xml.empty("limit", &limits)?;
         }
         match of.of {
             HingeOrigin::Joint { joint, .. } => joint.spring.map_or(Ok(()), |spring| {
-                xml.empty("dynamics", &[("damping", spring.damping_nm_s_rad.to_string())])
+                let damping = spring.damping_nm_s_rad / (per_rad * per_rad);
+                xml.empty("dynamics", &[("damping", damping.to_string())])
             }),
             HingeOrigin::Wheel { .. } => Ok(()),
         }

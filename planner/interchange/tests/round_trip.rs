@@ -123,6 +123,37 @@ fn passive_joints_come_back_from_mjcf_without_motors() {
 }
 
 #[test]
+fn joints_that_slide_come_back_in_metres_and_newtons() {
+    let robot = shipped("pup_linear");
+    for (text, has_armature) in [
+        (rollwalk_interchange::urdf(&robot, &[]).unwrap(), false),
+        (rollwalk_interchange::mjcf(&robot, &[]).unwrap(), true),
+    ] {
+        let text = Text { name: "pup_linear", text: &text };
+        let side = survey(text).unwrap().template;
+        let travel = "nominal_m = 0.025";
+        assert_eq!(side.matches(travel).count(), 4, "{side}");
+        let side = side.replace(travel, &format!("{travel}, travel_m_per_rad = 0.018"));
+        let back = import(text, Text { name: "side", text: &side });
+        let back = back.unwrap_or_else(|error| panic!("{error}\n{side}")).robot;
+        assert!((back.total_mass_kg() - robot.total_mass_kg()).abs() < 1e-9);
+        for joint in &robot.joints {
+            let other = joint_named(&back, &joint.name);
+            assert_eq!(other.travel_m_per_rad, joint.travel_m_per_rad, "{}", joint.name);
+            let values = |of: &Joint| {
+                let armature = if has_armature { of.actuator.armature_kg_m2 } else { 0.0 };
+                let limits = [of.position_min_rad, of.position_max_rad, armature];
+                let speed = if has_armature { 0.0 } else { of.actuator.speed_max_rad_s };
+                [limits, [of.actuator.torque_max_nm, speed, of.nominal_rad]].concat()
+            };
+            for (found, expected) in values(other).iter().zip(values(joint)) {
+                assert!((found - expected).abs() < 1e-6, "{}: {found} {expected}", joint.name);
+            }
+        }
+    }
+}
+
+#[test]
 fn cranks_and_rods_come_back_from_mjcf() {
     let robot = shipped("pup_five_bar");
     let text = rollwalk_interchange::mjcf(&robot, &[]).unwrap();

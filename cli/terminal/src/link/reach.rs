@@ -79,7 +79,15 @@ pub fn leg_m(tree: &Tree, standing: &Standing, end: &EndEffector) -> f64 {
         return 0.0;
     }
     points.push(frames.point(end.link, &end.center_in_link_m));
-    points.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum::<f64>() + end.radius_m
+    let stroke_m = |&joint: &usize| {
+        let joint = &tree.robot().joints[joint];
+        let ends = [joint.position_min_rad, joint.position_max_rad].into_iter();
+        let most_rad = ends.map(|end| (end - joint.nominal_rad).abs()).fold(0.0, f64::max);
+        joint.travel_m_per_rad.map_or(0.0, |travel| most_rad * travel)
+    };
+    let stroke_m: f64 = tree.joints_to_link(end.link).iter().map(stroke_m).sum();
+    let nominal_m: f64 = points.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
+    nominal_m + stroke_m + end.radius_m
 }
 
 fn longest_leg_m(tree: &Tree, standing: &Standing) -> f64 {

@@ -10,7 +10,7 @@ use crate::bodies::{
 };
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use rollwalk_planner::sample::driven_wheels;
-use rollwalk_robot::{Robot, Solid};
+use rollwalk_robot::{Channel, Robot, Solid};
 
 /// Length of the arrow of a force equal to the robot's weight, m.
 const WEIGHT_ARROW_M: f64 = 0.5;
@@ -40,6 +40,12 @@ pub struct Posture<'p> {
     pub wheel_rad: &'p [f64],
 }
 
+/// Rotation of a hinge.
+fn turned(axis: &Vector3<f64>, angle_rad: f64) -> Isometry3<f64> {
+    let turn = UnitQuaternion::from_axis_angle(&Unit::new_unchecked(*axis), angle_rad);
+    Isometry3::from_parts(Translation3::identity(), turn)
+}
+
 impl<'r> Figure<'r> {
     /// Creates the figure of a robot with the solids of its links, in a colour (red, green, blue, opacity).
     pub fn new(robot: &'r Robot, parts: &[Vec<Solid>], prefix: &str, color: [f64; 4]) -> Self {
@@ -53,13 +59,18 @@ impl<'r> Figure<'r> {
             let (parent, pose) = match &body.hinge {
                 None => (WORLD.to_owned(), posture.world_from_body),
                 Some(hinge) => {
-                    let angle_rad = match hinge.of {
-                        HingeOrigin::Joint { number, .. } => posture.joint_rad[number],
-                        HingeOrigin::Wheel { number, .. } => posture.wheel_rad[number],
+                    let moved = match hinge.of {
+                        HingeOrigin::Joint { number, joint } if joint.is_prismatic() => {
+                            joint.joint_from_child(posture.joint_rad[number])
+                        }
+                        HingeOrigin::Joint { number, .. } => {
+                            turned(&hinge.axis, posture.joint_rad[number])
+                        }
+                        HingeOrigin::Wheel { number, .. } => {
+                            turned(&hinge.axis, posture.wheel_rad[number])
+                        }
                     };
-                    let axis = Unit::new_unchecked(hinge.axis);
-                    let turn = UnitQuaternion::from_axis_angle(&axis, angle_rad);
-                    (self.frame(hinge.parent), hinge.parent_from_body * turn)
+                    (self.frame(hinge.parent), hinge.parent_from_body * moved)
                 }
             };
             FrameTransform {
@@ -97,7 +108,7 @@ impl<'r> Figure<'r> {
         SceneUpdate { deletions: Vec::new(), entities }
     }
 
-    /// Angles of joints and driven wheels, by their names in the URDF. Speeds and torques are in channel order.
+    /// Positions of joints and driven wheels, rad or m, by their names in the URDF. Speeds and torques are in channel order.
     pub fn joint_states(
         &self,
         posture: &Posture<'_>,
@@ -107,13 +118,19 @@ impl<'r> Figure<'r> {
     ) -> JointStates {
         let wheels = driven_wheels(self.robot).map(|wheel| posture.wheel_rad[wheel]);
         let angles_rad = self.robot.of_driven_joints(posture.joint_rad).chain(wheels);
-        let state = |(channel, (name, angle_rad)): (usize, (&String, f64))| JointState {
-            name: name.clone(),
-            position: Some(angle_rad),
-            velocity: speed_rad_s.get(channel).copied(),
-            effort: torque_nm.get(channel).copied(),
-        };
-        let joints = self.joint_names.iter().zip(angles_rad).enumerate().map(state).collect();
+        let channels = self.robot.channels().map(|channel| match channel {
+            Channel::Joint(joint) => joint.per_rad(),
+            Channel::Wheel(..) => 1.0,
+        });
+        let names = self.joint_names.iter().zip(channels);
+        let state =
+            |(channel, ((name, per_rad), angle_rad)): (usize, ((&String, f64), f64))| JointState {
+                name: name.clone(),
+                position: Some(angle_rad * per_rad),
+                velocity: speed_rad_s.get(channel).map(|speed| speed * per_rad),
+                effort: torque_nm.get(channel).map(|torque| torque / per_rad),
+            };
+        let joints = names.zip(angles_rad).enumerate().map(state).collect();
         JointStates { timestamp: timestamp(time_s), joints }
     }
 

@@ -28,7 +28,15 @@ pub struct Hinged {
     pub axis: UnitVector3<f64>,
     /// Coordinate of the hinge in the pose `parent_from_body`, rad.
     pub zero_rad: f64,
+    /// Displacement of a prismatic joint per radian, m/rad; `None` for a hinge.
+    pub travel_m_per_rad: Option<f64>,
     of: Coordinate,
+}
+
+impl Hinged {
+    fn per_rad(&self) -> f64 {
+        self.travel_m_per_rad.unwrap_or(1.0)
+    }
 }
 
 /// Coordinates of a model after those of its base.
@@ -52,6 +60,7 @@ impl Order {
                     parent_from_body: hinge.parent_from_body,
                     axis: UnitVector3::new_normalize(hinge.axis),
                     zero_rad: 0.0,
+                    travel_m_per_rad: hinge.of.slides().then_some(hinge.of.per_rad()),
                     of: match hinge.of {
                         HingeOrigin::Joint { number, .. } => Coordinate::Joint(number),
                         HingeOrigin::Wheel { number, .. } => Coordinate::Wheel(number),
@@ -70,13 +79,14 @@ impl Order {
         Self { hinged, transmission: robot.transmission() }
     }
 
-    /// Generalised positions of a state. The caller keeps the sign of the quaternion `wxyz` continuous along a motion.
+    /// Generalised positions of a state, m for prismatic joints. The caller keeps the sign of the quaternion `wxyz` continuous
+    /// along a motion.
     pub fn positions(&self, state: &State, wxyz: [f64; 4], wheel_rad: &[f64]) -> Vec<f64> {
         let mut all: Vec<_> = state.base_position_m.iter().copied().collect();
         all.extend(wxyz);
         let motor_rad = self.transmission.motors(&state.joint_rad);
         all.extend(self.hinged.iter().map(|hinged| match hinged.of {
-            Coordinate::Joint(joint) => state.joint_rad[joint],
+            Coordinate::Joint(joint) => state.joint_rad[joint] * hinged.per_rad(),
             Coordinate::Wheel(wheel) => wheel_rad[wheel],
             Coordinate::Crank(joint) => motor_rad[joint],
         }));
@@ -91,7 +101,7 @@ impl Order {
         let joints = &state.velocity[JOINTS..JOINTS + state.joint_rad.len()];
         let motor_rad_s = self.transmission.at(&state.joint_rad).motors(joints);
         all.extend(self.hinged.iter().map(|hinged| match hinged.of {
-            Coordinate::Joint(joint) => joints[joint],
+            Coordinate::Joint(joint) => joints[joint] * hinged.per_rad(),
             Coordinate::Wheel(wheel) => wheel_rad_s[wheel],
             Coordinate::Crank(joint) => motor_rad_s[joint],
         }));
@@ -108,6 +118,7 @@ fn crank(number: usize, name: &str, linkage: &Linkage, parent: usize) -> Hinged 
         parent_from_body: Translation3::from(linkage.pivot_in_link_m).into(),
         axis: UnitVector3::new_normalize(linkage.axis_in_link),
         zero_rad: linkage.nominal_rad,
+        travel_m_per_rad: None,
         of: Coordinate::Crank(number),
     }
 }
