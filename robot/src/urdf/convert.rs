@@ -243,7 +243,7 @@ impl<'a> Conversion<'a, '_> {
             let (body, body_from_link) = self.body_and_pose(self.link_of(end)?)?;
             let center = Point3::from(Vector3::from(end.center_m.unwrap_or_default()));
             let center_m = (body_from_link * center).coords;
-            Some(Tip { body, center_m, radius_m: end.radius_m, is_sole: false })
+            Some(Tip { body, center_m, radius_m: end.radius_m, body_from_level: None })
         };
         self.side.end_effectors.iter().filter_map(tip).collect()
     }

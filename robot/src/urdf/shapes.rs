@@ -299,8 +299,12 @@ mod tests {
             to_in_link_m: Vector3::new(0.01, 0.0, to),
             radius_m,
         };
-        let tip =
-            Tip { body: 1, center_m: Vector3::new(0.0, 0.0, -0.2), radius_m: 0.02, is_sole: false };
+        let tip = Tip {
+            body: 1,
+            center_m: Vector3::new(0.0, 0.0, -0.2),
+            radius_m: 0.02,
+            body_from_level: None,
+        };
         // The shin leans by 60° to each side, and its foot touches first.
         for (from, to) in [(0.0, -0.23), (-0.23, 0.0)] {
             let shin = behind(line(from, to, 0.025), &tip).unwrap();
@@ -354,8 +358,12 @@ mod tests {
         };
         let (long, inner, beside) =
             (line(0.0, 1.0, 0.1), line(0.2, 0.9, 0.05), line(0.9, 1.2, 0.05));
-        let tip =
-            Tip { body: 1, center_m: Vector3::new(3.0, 0.0, 0.0), radius_m: 0.02, is_sole: false };
+        let tip = Tip {
+            body: 1,
+            center_m: Vector3::new(3.0, 0.0, 0.0),
+            radius_m: 0.02,
+            body_from_level: None,
+        };
         let foot = line(3.0, 3.0, 0.021);
         let kept = thinned(vec![inner, beside, long, foot], &[&tip]);
         assert_eq!(kept, [long, beside]);

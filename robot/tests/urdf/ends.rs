@@ -214,7 +214,7 @@ fn humanoid(sole: &str, rolls: bool) -> Made {
 
 #[test]
 fn a_sole_lies_flat_and_points_forward_although_its_hip_is_oblique() {
-    // The hip's axes are turned by 15° about the forward and the vertical axis.
+    // The axis of the hip is 21° off the lateral axis.
     let mut made = humanoid(&cuboid([0.2, 0.08, 0.03], [0.03, 0.0, -0.065]), true);
     for side in ["left", "right"] {
         let joint = format!("<joint name=\"{side}_hip\"");
@@ -228,6 +228,20 @@ fn a_sole_lies_flat_and_points_forward_although_its_hip_is_oblique() {
     assert!(high.unwrap() - low.unwrap() < 1e-3, "{found:?}");
     let [toe, _, heel, _] = &found.end_effectors[..4] else { panic!("{found:?}") };
     assert!((toe.center_m[1] - heel.center_m[1]).abs() < 0.03, "{found:?}");
+}
+
+#[test]
+fn a_sole_that_is_oblique_while_the_joints_are_at_0_lies_flat_too() {
+    // Plates that point down by 10° or 20°.
+    for down_rad in [0.175, 0.35] {
+        let plate = "<box size=\"0.2 0.08 0.012\"/>";
+        let sole = solid(plate, [0.03, 0.0, -0.065], [0.0, down_rad, 0.0]);
+        let (found, robot) = imported(&humanoid(&sole, true).urdf());
+        assert_eq!(robot.end_effectors.len(), 8);
+        let bottoms = found.end_effectors.iter().map(|end| end.center_m[2] - end.radius_m);
+        let [low, high] = [bottoms.clone().reduce(f64::min), bottoms.reduce(f64::max)];
+        assert!(high.unwrap() - low.unwrap() < 1e-3, "{found:?}");
+    }
 }
 
 #[test]

@@ -4,10 +4,10 @@
 use super::super::model::{Shape, Solid};
 use super::End;
 use super::soles::{self, Posed, Tail};
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
 /// Cosine of the angle between two axes up to which they are parallel.
-const PARALLEL: f64 = 0.9;
+const PARALLEL: f64 = 0.8;
 /// Number of joints about the lateral axis that place a foot and keep it level: hip, knee and ankle.
 const PITCHES: usize = 3;
 /// Number of joints about the forward axis that keep a foot level while the body sways: hip and ankle.
@@ -19,6 +19,10 @@ const FLAT: f64 = 0.01;
 /// Least width of a sole with four corners, as a fraction of its length.
 const WIDTH: f64 = 0.2;
 
+/// Cosine of the angle between a plate and the horizontal up to which the plate is the sole.
+const PLATE: f64 = 0.85;
+/// Cosine of the angle between a plate and the horizontal up to which the plate is level.
+const FLAT_COSINE: f64 = 1.0 - 1e-9;
 /// Largest length of a sole without a shape, as a fraction of the limb's length.
 const LONGEST: f64 = 0.6;
 
@@ -71,7 +75,8 @@ impl Sphere {
 /// Foot with the corners of its sole; `None` without an ankle, or if the sole is shorter than the ankle is high. `point` is the
 /// foot as a single contact.
 pub(super) fn sole(posed: &Posed<'_>, tail: &Tail, point: &End) -> Option<End> {
-    let pose = posed.poses[tail.body].rotation;
+    let solids = soles::solids(posed, tail.body);
+    let pose = level(posed.poses[tail.body].rotation, &solids);
     // Axes forward, left and down.
     let to_level = |of: Vector3<f64>| {
         let of = pose * of;
@@ -88,7 +93,6 @@ pub(super) fn sole(posed: &Posed<'_>, tail: &Tail, point: &End) -> Option<End> {
     }
     let largest_m = RADIUS * tail.length_m;
     let mut spheres: Vec<Sphere> = if point.measured {
-        let solids = soles::solids(posed, tail.body);
         let spheres = solids.iter().flat_map(|(_, pose, shape)| spheres(pose, shape, largest_m));
         spheres.map(|sphere| Sphere { center: to_level(sphere.center), ..sphere }).collect()
     } else {
@@ -132,7 +136,7 @@ pub(super) fn sole(posed: &Posed<'_>, tail: &Tail, point: &End) -> Option<End> {
     };
     let middle_m = from_level(Vector3::new(x_m, y_m, depth_m));
     let mut foot = soles::at(posed.bodies, point.link, middle_m, radius_m, point.measured)?;
-    foot.tip.is_sole = true;
+    foot.tip.body_from_level = Some(pose.inverse());
     let (_, body_from_link) = posed.bodies.places[point.link]?;
     foot.sole = corners
         .into_iter()
@@ -143,6 +147,30 @@ pub(super) fn sole(posed: &Posed<'_>, tail: &Tail, point: &End) -> Option<End> {
         })
         .collect();
     Some(foot)
+}
+
+/// Rotation that levels a foot: the given one if no plate is the lowest of its boxes, else the nearest one in which the plate
+/// lies flat.
+fn level(
+    rotation: UnitQuaternion<f64>,
+    solids: &[(usize, Isometry3<f64>, &Shape)],
+) -> UnitQuaternion<f64> {
+    let boxes = solids.iter().filter_map(|(_, pose, shape)| match shape.solid {
+        Solid::Box { size_m } => Some((pose * shape.link_from_shape, size_m)),
+        _ => None,
+    });
+    let height = |of: &(Isometry3<f64>, Vector3<f64>)| (rotation * of.0.translation.vector).z;
+    let Some((pose, size_m)) = boxes.min_by(|a, b| height(a).total_cmp(&height(b))) else {
+        return rotation;
+    };
+    let normal: Vector3<f64> = rotation * (pose.rotation * Vector3::ith(size_m.imin(), 1.0));
+    let up = Vector3::z() * normal.z.signum();
+    let is_flat = normal.z.abs() > FLAT_COSINE;
+    let is_plate = normal.z.abs() > PLATE;
+    match UnitQuaternion::rotation_between(&normal, &up) {
+        Some(back) if is_plate && !is_flat => back * rotation,
+        _ => rotation,
+    }
 }
 
 /// Spheres at the ends of a shape, in the body, with at most the given radius except where the shape is rounder.

@@ -191,7 +191,7 @@ fn end(
 ) -> Option<End> {
     let (body, body_from_link) = bodies.places[link]?;
     let center_m = (body_from_link * Point3::from(center_in_link_m)).coords;
-    let tip = Tip { body, center_m, radius_m, is_sole: false };
+    let tip = Tip { body, center_m, radius_m, body_from_level: None };
     Some(End { axle, link, center_in_link_m, radius_m, measured, kind, tip, sole: Vec::new() })
 }
 

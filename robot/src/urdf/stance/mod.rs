@@ -11,7 +11,7 @@ use super::bodies::{Bodies, motion};
 use super::joints::position_limits;
 use super::model::{Kind, Urdf};
 use legs::Leg;
-use nalgebra::{Isometry3, Point3, Unit, Vector3};
+use nalgebra::{Isometry3, Point3, Unit, UnitQuaternion, Vector3};
 
 pub(super) use legs::{Carried, across, chain};
 
@@ -44,8 +44,8 @@ pub(super) struct Tip {
     pub body: usize,
     pub center_m: Vector3<f64>,
     pub radius_m: f64,
-    /// True for the middle of a sole, which lies flat and points forward.
-    pub is_sole: bool,
+    /// For the middle of a sole, the rotation in its body from axes in which the sole lies flat and points forward.
+    pub body_from_level: Option<UnitQuaternion<f64>>,
 }
 
 /// Standing pose.

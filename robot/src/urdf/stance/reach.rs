@@ -50,7 +50,8 @@ impl Solver<'_> {
         let straight = self.poses(angles_rad);
         let mut angles = self.start(angles_rad, side);
         let level = |is_kept: bool| if is_kept { LEVEL * leg.length_m } else { 0.0 };
-        let (pitch, flat) = (level(leg.bending.len() > 2), level(leg.tip.is_sole));
+        let (pitch, flat) =
+            (level(leg.bending.len() > 2), level(leg.tip.body_from_level.is_some()));
         let weights = Vector6::new(1.0, ASIDE, 1.0, pitch, flat, flat);
         for _ in 0..STEPS {
             let now = self.poses(&angles);
@@ -102,7 +103,10 @@ impl Solver<'_> {
     /// Distance to the goal outward, across and up, m, and the rotation that turns the foot back to level, rad.
     fn error(&self, straight: &[Isometry3<f64>], now: &[Isometry3<f64>]) -> Vector6<f64> {
         let to_goal = self.in_leg(&(self.goal - at(now, &self.leg.tip)));
-        let turned = now[self.leg.body].rotation * straight[self.leg.body].rotation.inverse();
+        let body_from_level = self.leg.tip.body_from_level;
+        let body_from_level =
+            body_from_level.unwrap_or_else(|| straight[self.leg.body].rotation.inverse());
+        let turned = now[self.leg.body].rotation * body_from_level;
         let [pitch, roll, yaw] = self.turns_in_leg(&-turned.scaled_axis());
         Vector6::new(to_goal.x, to_goal.y, to_goal.z, pitch, roll, yaw)
     }
