@@ -8,6 +8,7 @@
 use super::LibraryFile;
 use crate::motion::Motion;
 use rollwalk_robot::Robot;
+use std::collections::BTreeSet;
 
 /// Minimum number of samples of a step.
 const STEP_SAMPLES: usize = 5;
@@ -37,9 +38,12 @@ fn lifted(robot: &Robot, foot: usize, motions: &[&Motion]) -> Option<usize> {
     if stays { None } else { motions.iter().find_map(lifted) }
 }
 
-/// Returns the number of end effectors that step in transitions between motions, because at least one of the motions lifts them.
+/// Returns the number of steps in transitions between motions. End effectors of one link step together, if at least one of the
+/// motions lifts them.
 pub fn count_of_steps(robot: &Robot, motions: &[&Motion]) -> usize {
-    (0..robot.end_effectors.len()).filter(|&foot| lifted(robot, foot, motions).is_some()).count()
+    let feet = robot.end_effectors.iter().enumerate();
+    let stepping = feet.filter(|(foot, _)| lifted(robot, *foot, motions).is_some());
+    stepping.map(|(_, of)| of.link).collect::<BTreeSet<_>>().len()
 }
 
 /// Adds the steps from one motion to another to a transition.
@@ -72,5 +76,21 @@ fn step(transition: &mut Motion, from: &Motion, to: &Motion, robot: &Robot) {
     }
     if transition.swing_height_m <= 0.0 {
         transition.swing_height_m = from.swing_height_m.max(to.swing_height_m);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::Ends;
+    use crate::test_robots;
+
+    #[test]
+    fn contacts_of_one_foot_take_one_step() {
+        let mut robot = test_robots::welded(&test_robots::all()[0]);
+        let motion = test_robots::motion(&robot, Ends::AtRest);
+        assert_eq!(count_of_steps(&robot, &[&motion]), robot.end_effectors.len());
+        robot.end_effectors[1].link = robot.end_effectors[0].link;
+        assert_eq!(count_of_steps(&robot, &[&motion]), robot.end_effectors.len() - 1);
     }
 }
