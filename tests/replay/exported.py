@@ -27,6 +27,8 @@ class Outcome:
     played: tuple
     fell_at_s: float | None
     slid_m: float
+    # Final height of the body / planned, of a motion that lies.
+    height_ratio: float | None = None
 
 
 def play(path, plan=None, rollwalk=None, lies=False):
@@ -85,10 +87,11 @@ class _Run:
             row = self.states[np.searchsorted(self.times_s, time_s, side="right") - 1]
             lowest = d.xpos[[m.geom_bodyid[geom] for geom in self.feet], 2].min()
             # The body above its lowest wheel or foot link, because the ground has no single height.
-            height = 1.0 + (d.qpos[2] - row[2]) / max(d.qpos[2] - lowest, 1e-3)
+            height = 1.0 if self.lies else 1.0 + (d.qpos[2] - row[2]) / max(d.qpos[2] - lowest, 1e-3)
             if watch.fell(_tilt(d.qpos[3:7], row[3:7]), height, self.on_trunk, EVERY * step_s):
                 return Outcome(planned, _way(d.qpos if began is None else began, d.qpos), time_s, self.slid_m)
-        return Outcome(planned, _way(began, d.qpos), None, self.slid_m)
+        height_ratio = float(d.qpos[2] / self.states[-1][2]) if self.lies else None
+        return Outcome(planned, _way(began, d.qpos), None, self.slid_m, height_ratio)
 
     def _contacts(self, duration_s):
         """Loads of the end effectors and of the trunk, and sliding distance over a time, from the present contacts."""

@@ -472,5 +472,7 @@ def _in_mujoco(run):
         return "–"
     if run["fell_at_s"] is not None:
         return f"falls {run['fell_at_s']:.1f} s"
+    if run["height_ratio"] is not None:
+        return f"height {run['height_ratio']:.3f}"
     pairs = zip(run["played"], run["planned"], (0.02, 0.02, 0.05))
     return ", ".join(f"{played / planned:.3f}" for played, planned, least in pairs if abs(planned) > least) or "stays"

@@ -540,7 +540,7 @@ class Words(unittest.TestCase):
     def test_motions_on_terrain_are_compared_with_level_ground(self):
         run = {"fell_at_s": None, "cycles": [{"forward_m": 0.9, "left_m": 0.0}], "planned": {"forward_m": 1.0, "left_m": 0.0}}
         run |= {"goals": [True, False], "holds": False, "slid_m": 0.125}
-        played = {"fell_at_s": 2.0, "planned": [1.0, 0.0, 0.0], "played": [0.5, 0.0, 0.0], "slid_m": 0.1}
+        played = {"fell_at_s": 2.0, "planned": [1.0, 0.0, 0.0], "played": [0.5, 0.0, 0.0], "slid_m": 0.1, "height_ratio": None}
         result = {
             "robot": "r", "motion": "kerb", "level": {"iterations": 4, "cpu_s": 0.5}, "status": "converged", "iterations": 9,
             "cpu_s": 1.0, "judgement": "consistent", "simulation": {"verdict": "fails"},
