@@ -23,8 +23,8 @@ mod tour;
 mod words;
 mod world_log;
 
-use clap::{CommandFactory, FromArgMatches, Parser};
-use rollwalk_terminal::{Exit, end, with_common_help};
+use clap::{CommandFactory, Parser};
+use rollwalk_terminal::{Exit, arguments, end, with_common_help};
 use std::process::ExitCode;
 
 /// Make robots with legs and wheels move.
@@ -63,10 +63,10 @@ fn exits(path: &str) -> &'static [Exit] {
 
 /// Parses the command line and runs it.
 pub fn main() -> ExitCode {
-    let matches = command_line().try_get_matches();
-    let cli = matches.and_then(|matches| Cli::from_arg_matches(&matches));
-    let cli = cli.unwrap_or_else(|error| words::explain(error, &command_line()).exit());
-    end(cli.command.run(&mut command_line()))
+    let words: Vec<_> = std::env::args_os().collect();
+    let explain = |error| words::explain(error, &command_line());
+    let cli: miette::Result<Cli> = arguments::parse(command_line(), &words, explain);
+    end(cli.and_then(|cli| cli.command.run(&mut command_line())))
 }
 
 #[cfg(test)]

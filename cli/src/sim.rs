@@ -15,7 +15,7 @@ use crate::terrain::{GroundArgs, Support};
 use crate::words;
 use crate::world_log::{SharedLog, WorldLog, WorldLogArgs};
 use buses::{LostBuses, at_rates, check_kinds, port, ports};
-use clap::{CommandFactory, FromArgMatches, Parser, ValueEnum};
+use clap::{CommandFactory, Parser, ValueEnum};
 use gains::Gains;
 use keys::Keys;
 use lag::LagWatch;
@@ -34,7 +34,7 @@ use rollwalk_sim_host::rig::Rig;
 use rollwalk_sim_host::store::KeepParameters;
 use rollwalk_terminal::files::{Lines, Output, RotationArgs};
 use rollwalk_terminal::inputs::Source;
-use rollwalk_terminal::{Exit, end, interrupt, output, with_common_help};
+use rollwalk_terminal::{Exit, arguments, end, interrupt, output, with_common_help};
 use status::StatusPrinter;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -149,9 +149,10 @@ pub fn command_line() -> clap::Command {
 
 /// Parses the command line and runs the robot.
 pub fn main() -> ExitCode {
-    let matches = command_line().try_get_matches();
-    let cli = matches.and_then(|matches| Cli::from_arg_matches(&matches));
-    end(run(&cli.unwrap_or_else(|error| words::explain(error, &command_line()).exit())))
+    let words: Vec<_> = std::env::args_os().collect();
+    let explain = |error| words::explain(error, &command_line());
+    let cli = arguments::parse(command_line(), &words, explain);
+    end(cli.and_then(|cli| run(&cli)))
 }
 
 fn run(cli: &Cli) -> miette::Result<Exit> {

@@ -377,6 +377,25 @@ pub fn motion_or_problem(path: &Path) -> miette::Result<TextFile> {
     text(path, PathSource::ByUser, Kind::of_motion_or_problem)
 }
 
+/// Checks that the file at a path is not recognised as another kind. Files that are not regular are not read, because their
+/// content may be read only once.
+///
+/// # Errors
+/// Returns an error if the file has another kind, is too large or is not text.
+pub fn expect(path: &Path, kind: Kind) -> miette::Result<()> {
+    let is_text = kind.is_recognised() && !path.metadata().is_ok_and(|found| !found.is_file());
+    if !is_text {
+        return Ok(());
+    }
+    let kind_of = |start: &[u8]| match kind {
+        Kind::Motion => Kind::of_motion_or_problem(start),
+        kind => kind,
+    };
+    let TextFile { text, .. } = text(path, PathSource::ByUser, kind_of)?;
+    let is_problem = kind == Kind::Motion && Kind::is_problem(&text);
+    if is_problem { Ok(()) } else { kind.expect(path, &text) }
+}
+
 /// Reads and validates a plan.
 ///
 /// # Errors

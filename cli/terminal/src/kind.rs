@@ -183,6 +183,43 @@ impl Kind {
         }
     }
 
+    /// Extensions of files of this kind; none for keys, which may have any.
+    pub fn extensions(self) -> &'static [&'static str] {
+        match self {
+            Self::Plan | Self::Problem | Self::Names | Self::Gains => &["json"],
+            Self::Urdf => &["urdf", "xml", "mjcf"],
+            Self::WorldLog => &["csv"],
+            Self::Run => &["csv", "mcap", "log"],
+            Self::Packed => &["rwl"],
+            Self::LinkKey | Self::PrivateKey | Self::PublicKey => &[],
+            _ => &["toml"],
+        }
+    }
+
+    /// Kind of the file at `path` if it is a value of the command-line argument with this name in help texts, such as
+    /// `PLAN.json|LIB.rwl`. `None` for other arguments, and for keys, which commands also write.
+    pub fn of_argument(value_name: &str, path: &Path) -> Option<Self> {
+        let kind = |name: &str| {
+            Some(match name {
+                "ROBOT.toml" => Self::Robot,
+                "MOTION.toml" => Self::Motion,
+                "LIBRARY.toml" => Self::Library,
+                "DESIGN.toml" => Self::Design,
+                "SWEEP.toml" => Self::Sweep,
+                "PLAN.json" => Self::Plan,
+                "LIB.rwl" => Self::Packed,
+                "RUN.csv" => Self::WorldLog,
+                "RUN" => Self::Run,
+                "ROBOT.urdf" | "ROBOT.xml" => Self::Urdf,
+                _ => return None,
+            })
+        };
+        let kinds: Vec<_> = value_name.split('|').filter_map(kind).collect();
+        let extension = path.extension().unwrap_or_default();
+        let fits = |kind: &&Self| kind.extensions().iter().any(|known| extension == *known);
+        kinds.iter().find(fits).or(kinds.first()).copied()
+    }
+
     /// Advice for a user whose file of the kind is missing.
     pub fn hint(self) -> &'static str {
         match self {
@@ -250,7 +287,8 @@ impl Kind {
         }
     }
 
-    fn use_for(self) -> &'static str {
+    /// Commands and files that use a file of this kind.
+    pub fn use_for(self) -> &'static str {
         match self {
             Self::Robot => {
                 "use a robot file with `rollwalk robot check`, or as `robot` in motion and library \

@@ -6,12 +6,13 @@
 //!
 //! | modules | content |
 //! |---|---|
-//! | [`exit`], [`output`], [`progress`], [`interrupt`] | exit codes, results and reports, progress bars, Ctrl-C |
+//! | [`arguments`], [`exit`], [`output`], [`progress`], [`interrupt`] | parsing, exit codes, results and reports, progress bars, Ctrl-C |
 //! | [`files`], [`kind`], [`inputs`], [`shipped`] | reading and writing files, kinds of files, validated inputs, files in the program |
 //! | [`link`], [`keys`], [`validated_library`] | bus options and sessions, link keys, names from a motion library |
 //! | [`planning`], [`choices`], [`problem`] | planning with progress, its options, problem files |
 //! | [`generated`], [`examples`], [`spelling`] | manual pages and completions, examples in help texts, misspelled names |
 
+pub mod arguments;
 pub mod choices;
 pub mod examples;
 pub mod exit;

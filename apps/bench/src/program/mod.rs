@@ -4,9 +4,9 @@ mod benchmarks;
 mod explore;
 
 use clap::error::ErrorKind;
-use clap::{CommandFactory, FromArgMatches, Parser};
+use clap::{CommandFactory, Parser};
 use rollwalk_terminal::generated::{self, Shell};
-use rollwalk_terminal::{Exit, end, with_common_help};
+use rollwalk_terminal::{Exit, arguments, end, with_common_help};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -65,12 +65,11 @@ pub fn main() -> ExitCode {
     let mut words: Vec<_> = std::env::args_os().collect();
     end(if words.get(1).is_some_and(|word| word == EXPLORE) {
         words.remove(1);
-        let matches = explore.get_matches_from(words);
-        let explore = Explore::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
-        explore::run(&explore.args)
+        let explore: miette::Result<Explore> = arguments::parse(explore, &words, |error| error);
+        explore.and_then(|explore| explore::run(&explore.args))
     } else {
-        let matches = bench.get_matches_from(words);
-        run(&Bench::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()))
+        let bench = arguments::parse(bench, &words, |error| error);
+        bench.and_then(|bench| run(&bench))
     })
 }
 

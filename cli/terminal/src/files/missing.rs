@@ -1,4 +1,5 @@
-//! Advice on a missing file: the name that was probably meant, and the files of the same kind in its folder.
+//! Advice on a missing file: the name that was probably meant, and the files of the same kind in its folder. Advice on a
+//! folder that was given instead of a file.
 
 use super::{FileError, folder};
 use crate::kind::Kind;
@@ -15,9 +16,14 @@ const NEIGHBOURS_MAX: usize = 1000;
 const LISTED_MAX: usize = 8;
 /// Number of bytes at the start of a file that determine its kind.
 const START: u64 = 1 << 16;
+
 /// Error for a missing file, with what to type instead. `named` is the path that another file contains.
 pub(super) fn report(path: PathBuf, named: Option<&str>, kind: Kind) -> FileError {
     let typed = named.map_or(path.as_path(), Path::new);
+    let is_shipped_folder = shipped::files_in(typed).next().is_some();
+    if is_shipped_folder && named.is_none() {
+        return given_folder(path, kind);
+    }
     let not_shipped = match named {
         Some(named) if kind.is_shipped() && typed.is_relative() => {
             let name = shipped::without_way_up(named);
@@ -26,6 +32,46 @@ pub(super) fn report(path: PathBuf, named: Option<&str>, kind: Kind) -> FileErro
         _ => String::new(),
     };
     FileError::Missing { kind, help: help(&path, typed, kind), path, not_shipped }
+}
+
+/// Error for a folder that was given instead of a file, with the files in it that can be given.
+pub(super) fn given_folder(path: PathBuf, kind: Kind) -> FileError {
+    let help = help_in(&path, kind);
+    FileError::NotAFile { kind, path, found: "a folder", help: Some(help) }
+}
+
+/// Help for the folder at `path`: its files of a kind, or those of its subfolders, or else the use of its other files.
+fn help_in(path: &Path, kind: Kind) -> String {
+    let entries = |folder: &Path| {
+        let entries = fs::read_dir(folder).into_iter().flatten().take(NEIGHBOURS_MAX);
+        let mut paths: Vec<_> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+        paths.sort();
+        paths
+    };
+    let mut files = entries(path);
+    let below: Vec<_> = files.iter().filter(|below| below.is_dir()).cloned().collect();
+    files.extend(below.iter().flat_map(|below| entries(below)).take(NEIGHBOURS_MAX));
+    let on_disk = files.into_iter().filter(|file| file.is_file()).map(|file| {
+        let start = start_of(&file);
+        (file, start)
+    });
+    let ships = shipped::files_in(path).map(|(name, text)| (path.join(name), text.to_owned()));
+    let files: Vec<_> = if path.is_dir() { on_disk.collect() } else { ships.collect() };
+    let has_extension = |file: &Path| {
+        let extension = file.extension().unwrap_or_default();
+        let extensions = kind.extensions();
+        extensions.is_empty() || extensions.iter().any(|known| extension == *known)
+    };
+    let of_kind = files.iter().filter(|(file, start)| has_extension(file) && is_of(start, kind));
+    let named: Vec<_> =
+        of_kind.take(LISTED_MAX).map(|(file, _)| file.display().to_string()).collect();
+    if let [_, ..] = &named[..] {
+        return format!("give one of its files: {}", named.join(", "));
+    }
+    let other = files.iter().find_map(|(file, start)| Some((file, Kind::of(start)?)));
+    let other =
+        other.map(|(file, kind)| format!("; it contains {}: {}", file.display(), kind.use_for()));
+    format!("the folder contains no {kind}{}; {}", other.unwrap_or_default(), kind.hint())
 }
 
 /// File that the user may have meant.
@@ -193,6 +239,34 @@ mod tests {
         // The name of a robot instead of that of its library.
         let help = help_of(Path::new("pup"), Kind::Library);
         assert!(help.starts_with("did you mean `motions/pup_library.toml`? "), "{help}");
+    }
+
+    #[test]
+    fn a_folder_names_the_files_in_it_that_can_be_given() {
+        let folder = tempfile::tempdir().unwrap();
+        let here = folder.path().display();
+        let help = |kind| help_of(folder.path(), kind);
+        let make = "make one with `rollwalk plan MOTION.toml -o PLAN.json`";
+        assert_eq!(help(Kind::Plan), format!("the folder contains no plan (JSON); {make}"));
+        let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+        write("kit.toml", rollwalk_shipped::text("robots/pup.toml").unwrap());
+        let robot = format!("it contains {here}/kit.toml: use a robot file with `rollwalk robot");
+        assert!(help(Kind::Plan).contains(&robot), "{}", help(Kind::Plan));
+        fs::create_dir(folder.path().join("plans")).unwrap();
+        write("plans/walk.json", "{\"format\": \"rollwalk-plan\"}");
+        write("plans/kit.rwl", "RWLB");
+        for (kind, file) in [
+            (Kind::Plan, "plans/walk.json"),
+            (Kind::Robot, "kit.toml"),
+            (Kind::Packed, "plans/kit.rwl"),
+        ] {
+            assert_eq!(help(kind), format!("give one of its files: {here}/{file}"));
+        }
+        // This folder is in the program only.
+        let error = read(Path::new("robots"), Kind::Robot).unwrap_err();
+        assert!(error.to_string().starts_with("cannot read robots: it is a folder"), "{error}");
+        let help = error.help().unwrap().to_string();
+        assert!(help.starts_with("give one of its files: robots/"), "{help}");
     }
 
     /// The disk does not contain the shipped files.

@@ -11,7 +11,7 @@ mod series;
 mod write;
 
 pub use keys::{write_pair, write_secret};
-pub use read::{PathSource, read, read_by, read_text, text};
+pub use read::{PathSource, check, read, read_by, read_text, text};
 pub use series::{Lines, Rotation, RotationArgs, Series};
 pub use write::{Output, cannot_write, make_folder, save, write};
 
@@ -75,6 +75,9 @@ pub enum FileError {
         /// Path that was tried.
         path: PathBuf,
         found: &'static str,
+        /// Files to give instead of a folder.
+        #[help]
+        help: Option<String>,
     },
     /// A pipe or device sent nothing before the timeout.
     #[error("cannot read {}: no data arrived for {seconds} s", path.display())]

@@ -59,13 +59,7 @@ pub fn read_by(
         PathSource::ByUser => None,
         PathSource::InFile { named } => Some(named),
     };
-    let refused = |reason: io::Error| {
-        let (path, kind) = (path.to_owned(), kind_of(&[]));
-        match reason.kind() {
-            io::ErrorKind::NotFound => missing::report(path, as_named, kind),
-            _ => FileError::Io { action: "read", path, reason },
-        }
-    };
+    let refused = |reason| refused(path, as_named, kind_of(&[]), reason);
     let text = match as_named {
         None => shipped::instead_of(path),
         Some(named) => shipped::instead_of_named(path, named),
@@ -92,11 +86,38 @@ pub fn read_by(
         identity::record_input(file, path, kind);
         return Ok((bytes, kind));
     }
-    if found.is_dir() || named != PathSource::ByUser {
+    if found.is_dir() && named == PathSource::ByUser {
+        return Err(missing::given_folder(path.to_owned(), kind_of(&[])));
+    }
+    if named != PathSource::ByUser {
         let (kind, found) = (kind_of(&[]), word_for(found.file_type()));
-        return Err(FileError::NotAFile { kind, path: path.to_owned(), found });
+        return Err(FileError::NotAFile { kind, path: path.to_owned(), found, help: None });
     }
     stream(path, &kind_of, PATIENCE)
+}
+
+/// Checks that a file that the user named exists and is no folder.
+///
+/// # Errors
+/// Returns the errors of [`read_by`] for such a path.
+pub fn check(path: &Path, kind: Kind) -> Result<(), FileError> {
+    if shipped::instead_of(path).is_some() {
+        return Ok(());
+    }
+    match fs::metadata(path) {
+        Ok(found) if found.is_dir() => Err(missing::given_folder(path.to_owned(), kind)),
+        Ok(_) => Ok(()),
+        Err(reason) => Err(refused(path, None, kind, reason)),
+    }
+}
+
+/// Error for a path that the operating system refuses. `named` is the path that another file contains.
+fn refused(path: &Path, named: Option<&str>, kind: Kind, reason: io::Error) -> FileError {
+    let path = path.to_owned();
+    match reason.kind() {
+        io::ErrorKind::NotFound => missing::report(path, named, kind),
+        _ => FileError::Io { action: "read", path, reason },
+    }
 }
 
 /// Bytes received so far, limited to the maximum size of the kind.

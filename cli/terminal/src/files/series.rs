@@ -1,6 +1,6 @@
 //! Files that grow during a run. A full file is followed by another, and the oldest files are removed.
 
-use super::{Output, cannot_write, numbered};
+use super::{Output, cannot_write, folder, numbered};
 use crate::output;
 use std::collections::VecDeque;
 use std::fmt::{self, Display};
@@ -104,8 +104,7 @@ pub struct Series {
 }
 
 impl Series {
-    /// Creates the file of `output`, and starts the series with it. An existing file with content is renamed to the next free
-    /// number.
+    /// Creates the file of `output`, and starts the series with it. The files of a previous recording of that name are renamed.
     ///
     /// # Errors
     /// Returns an error if the operating system refuses.
@@ -176,21 +175,69 @@ impl Series {
     }
 }
 
-/// Renames an existing file with content to the next free number, so that no recording is lost.
+/// Renames the files of a previous recording to a free common name, so that no recording is lost and its files stay in order:
+/// `run.log` and `run.2.log` become `run-1.log` and `run-1.2.log`.
 fn put_aside(output: &Output) -> miette::Result<()> {
     let target = output.target();
-    if !fs::metadata(target).is_ok_and(|found| found.is_file() && found.len() > 0) {
-        return Ok(());
+    let numbers = previous(target);
+    let Some(&first) = numbers.first() else { return Ok(()) };
+    let names = |copy: u32| -> Vec<_> {
+        let aside = aside(target, copy);
+        numbers.iter().map(|&number| of_series(&aside, number)).collect()
+    };
+    let is_free = |names: &Vec<PathBuf>| !names.iter().any(|path| path.exists());
+    let names = (1..).map(names).find(is_free).unwrap_or_default();
+    for (&number, name) in numbers.iter().zip(&names) {
+        let renamed = fs::rename(of_series(target, number), name);
+        renamed.map_err(|error| cannot_write(name, error))?;
     }
-    let mut names = (2..).map(|number| numbered(target, number));
-    let free = names.find(|path| !path.exists()).unwrap_or_default();
-    fs::rename(target, &free).map_err(|error| cannot_write(&free, error))?;
+    let others = match names.len() {
+        1 => String::new(),
+        count => format!(", with {} later files", count - 1),
+    };
     output::print_line(format_args!(
-        "{} existed: the previous recording is now {}",
-        output.path().display(),
-        free.display()
+        "{} existed: the previous recording is now {}{others}",
+        of_series(output.path(), first).display(),
+        names[0].display()
     ));
     Ok(())
+}
+
+/// Numbers of the files of a previous recording, ascending. Files without content do not count.
+fn previous(target: &Path) -> Vec<u32> {
+    let beside = fs::read_dir(folder(target)).into_iter().flatten().flatten();
+    let numbers = beside.filter_map(|entry| {
+        let path = entry.path();
+        let beyond_stem = Path::new(path.file_name()?).with_extension("");
+        let ending = if target.extension().is_some() { &beyond_stem } else { &path };
+        let number = ending.extension()?.to_str()?.parse().ok()?;
+        let is_of_series = numbered(target, number).file_name() == path.file_name();
+        is_of_series.then_some(number)
+    });
+    let has_content = |number: &u32| {
+        let found = fs::metadata(of_series(target, *number));
+        found.is_ok_and(|found| found.is_file() && found.len() > 0)
+    };
+    let numbers = numbers.filter(|number| *number >= 2).chain([1]).filter(has_content);
+    let mut numbers: Vec<_> = numbers.collect();
+    numbers.sort_unstable();
+    numbers
+}
+
+/// Path of a file of a series, counted from 1.
+fn of_series(first: &Path, number: u32) -> PathBuf {
+    if number == 1 { first.to_owned() } else { numbered(first, number) }
+}
+
+/// First file of a series that is put aside: `run-1.log` for `run.log` and 1.
+fn aside(first: &Path, copy: u32) -> PathBuf {
+    let mut name = first.file_stem().unwrap_or_default().to_owned();
+    name.push(format!("-{copy}"));
+    if let Some(extension) = first.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    first.with_file_name(name)
 }
 
 fn copy(path: &Path, file: &File) -> miette::Result<File> {
@@ -304,8 +351,9 @@ mod tests {
     #[test]
     fn the_newest_files_stay_and_those_of_others() {
         let folder = tempfile::tempdir().unwrap();
-        fs::write(folder.path().join("run.3.log"), "x").unwrap();
         let (mut series, mut file) = series(folder.path(), 2);
+        // Another program writes a file with a number of the series.
+        fs::write(folder.path().join("run.3.log"), "x").unwrap();
         for mark in *b"abc" {
             file = fill(&mut series, file, mark);
         }
@@ -315,16 +363,38 @@ mod tests {
     }
 
     #[test]
-    fn a_previous_recording_is_kept_under_the_next_free_number() {
+    fn the_files_of_a_previous_recording_stay_together_and_in_order() {
         let folder = tempfile::tempdir().unwrap();
-        fs::write(folder.path().join("run.log"), "a").unwrap();
-        fs::write(folder.path().join("run.2.log"), "b").unwrap();
+        let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+        let found = || {
+            let named = |(name, mark): (String, Option<u8>)| (name, mark.map(char::from));
+            files(folder.path()).into_iter().map(named).collect::<Vec<_>>()
+        };
+        let file = |name: &str, mark: char| (name.to_owned(), Some(mark));
+        let now = ("run.log".to_owned(), None);
+        for (name, text) in [("run.log", "a"), ("run.2.log", "b"), ("run.10.log", "c")] {
+            write(name, text);
+        }
+        let others = [
+            file("run-1.9.log", 'z'),
+            file("run.02.log", 'y'),
+            file("run.2.mcap", 'x'),
+            file("walk.2.log", 'w'),
+        ];
+        for (name, mark) in &others {
+            write(name, &mark.unwrap().to_string());
+        }
         drop(series(folder.path(), 2));
-        let (now, old) = (("run.log".into(), None), ("run.3.log".into(), Some(b'a')));
-        assert_eq!(files(folder.path()), [("run.2.log".into(), Some(b'b')), old, now.clone()]);
-        // An empty file holds nothing.
+        let first = [file("run-1.10.log", 'c'), file("run-1.2.log", 'b')];
+        let [z, y, x, w] = others;
+        let kept = [&first[..], &[z, file("run-1.log", 'a'), y, x]].concat();
+        assert_eq!(found(), [&kept[..], &[now.clone(), w.clone()]].concat());
+        // Rotation removed the first file of the second recording, and an empty file holds nothing.
+        write("run.7.log", "d");
         drop(series(folder.path(), 2));
-        assert_eq!(files(folder.path())[2], now);
+        let second = file("run-1.7.log", 'd');
+        let kept = [&first[..], &[second], &kept[2..]].concat();
+        assert_eq!(found(), [&kept[..], &[now, w]].concat());
     }
 
     #[test]
