@@ -155,8 +155,45 @@ pub enum Kind {
 
 /// Advice for motions beyond the reach of the legs.
 const REACH: &str = "a motion within the legs' reach, with shorter strides and lower swings";
-const LONGER: &str = "a longer duration or a nearer goal";
-const NO_ADVICE: &str = "";
+
+/// Advice on the change that would help to meet a constraint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Advice {
+    /// No advice.
+    NoAdvice,
+    /// No change helps, for the given reason.
+    Nothing(&'static str),
+    /// A change of the motion or the robot.
+    Change(&'static str),
+    /// A longer duration, or another change.
+    LongerOr(&'static str),
+}
+
+impl Advice {
+    /// True if the advice is a change.
+    pub fn is_change(self) -> bool {
+        matches!(self, Self::Change(_) | Self::LongerOr(_))
+    }
+
+    /// The same advice for a motion that has the longest duration.
+    pub fn without_duration(self) -> Self {
+        match self {
+            Self::LongerOr(change) => Self::Change(change),
+            other => other,
+        }
+    }
+}
+
+impl fmt::Display for Advice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoAdvice => Ok(()),
+            Self::Nothing(why) => write!(f, "nothing ({why})"),
+            Self::Change(change) => f.write_str(change),
+            Self::LongerOr(change) => write!(f, "a longer duration or {change}"),
+        }
+    }
+}
 
 /// Entry of the catalogue.
 struct Info {
@@ -165,7 +202,7 @@ struct Info {
     unit: Unit,
     level: Level,
     kind: Kind,
-    advice: &'static str,
+    advice: Advice,
 }
 
 /// Declares [`Family`] and the table of its entries from one list.
@@ -193,93 +230,94 @@ macro_rules! catalogue {
     };
 }
 
+use Advice::{Change, LongerOr, NoAdvice, Nothing};
 use Level::{OfLimit, Residual};
 
 catalogue! {
     LinearDynamics: "linear dynamics", "Eq. 2.3, mean", N, Residual(0.3), Request,
-        "footfalls with more feet on the ground, or shorter flights";
+        Change("footfalls with more feet on the ground, or shorter flights");
     AngularDynamics: "angular dynamics", "Eq. 2.4, mean", Nm, Residual(0.03), Request,
-        "footfalls whose stance feet surround the centre of mass";
+        Change("footfalls whose stance feet surround the centre of mass");
     Friction: "friction", "Eq. 2.5", N, Residual(0.2), Limit,
-        "a motion with lower accelerations, or a higher friction_coefficient";
+        Change("a motion with lower accelerations, or a higher friction_coefficient");
     FreeWheelTraction: "free-wheel traction", "Eq. 2.6", N, Residual(0.2), Limit,
-        "a slower motion, or an actuated wheel to push with";
+        Change("a slower motion, or an actuated wheel to push with");
     SwingForce: "swing force", "Eq. 2.7", N, Residual(0.2), Request,
-        "footfalls with more feet on the ground";
+        Change("footfalls with more feet on the ground");
     Slip: "slip", "Eq. 2.8, midpoint", MPerS, Residual(0.005), Build,
-        "a goal along the rolling directions of the wheels, or footfalls in which each displaced \
-         foot takes a step";
+        Change("a goal along the rolling directions of the wheels, or footfalls in which each displaced \
+         foot takes a step");
     ContactHeight: "contact height", "Eq. 2.9", M, Residual(0.001), Request,
-        "a lower swing_height_m or a longer swing";
+        Change("a lower swing_height_m or a longer swing");
     EndEffectorClearance: "end-effector clearance", "Eq. 2.10", M, Residual(0.001), Limit,
-        "a posture with feet further apart";
+        Change("a posture with feet further apart");
     LinkClearance: "link clearance", "shapes", M, Residual(0.001), Limit,
-        "a posture with limbs further apart, shorter strides, or smaller shapes in the robot file";
+        Change("a posture with limbs further apart, shorter strides, or smaller shapes in the robot file");
     GroundClearance: "ground clearance", "shapes", M, Residual(0.001), Limit,
-        "a higher body, or a posture with knees further from the ground";
+        Change("a higher body, or a posture with knees further from the ground");
     WheelAxis: "wheel axis", "Eq. 2.13", Rad, Residual(0.5 * std::f64::consts::PI / 180.0), Build,
-        "a motion in directions to which the joints can steer the wheel";
-    ContactPoint: "contact point", "Eq. 2.14", M, Residual(0.001), Build, REACH;
+        Change("a motion in directions to which the joints can steer the wheel");
+    ContactPoint: "contact point", "Eq. 2.14", M, Residual(0.001), Build, Change(REACH);
     BladeContact: "contact on the blade", "sec. 3.5.2", M, Residual(0.001), Build,
-        "a smaller pitch of the skates";
+        Change("a smaller pitch of the skates");
     HeldWheel: "held wheel", "Eq. 2.15, about the axis", MPerS, Residual(0.005), Build,
-        "a nearer goal, footfalls with steps, or wheels that turn";
+        Change("a nearer goal, footfalls with steps, or wheels that turn");
     JointLimit: "joint limit", "sec. 2.4.1", Rad, Residual(0.05), Limit,
-        "shorter strides, or wider limits in the robot file";
+        Change("shorter strides, or wider limits in the robot file");
     JointSpeed: "joint speed", "sec. 2.4.1", RadPerS, OfLimit(0.1), Limit,
-        "a longer duration or shorter strides";
-    WheelMotorSpeed: "wheel motor speed", "sec. 2.4.1", RadPerS, OfLimit(0.1), Limit, LONGER;
+        LongerOr("shorter strides");
+    WheelMotorSpeed: "wheel motor speed", "sec. 2.4.1", RadPerS, OfLimit(0.1), Limit, LongerOr("a nearer goal");
     JointTorque: "joint torque", "limb dynamics, mean", Nm, OfLimit(0.1), Limit,
-        "straighter legs in [posture], or stronger motors";
+        Change("straighter legs in [posture], or stronger motors");
     PassiveJoint: "passive joint", "limb dynamics, mean", Nm, Residual(0.03), Build,
-        "a stiffer spring, a rest_rad nearer to the loaded angle, or wider limits of the joint";
+        Change("a stiffer spring, a rest_rad nearer to the loaded angle, or wider limits of the joint");
     WheelTorque: "wheel torque", "radius × traction", Nm, OfLimit(0.1), Limit,
-        "a motion with lower accelerations, or stronger wheel motors";
+        Change("a motion with lower accelerations, or stronger wheel motors");
     TorqueSpeedLine: "torque-speed line", "torque and speed, mean", OfLine, Residual(0.1), Limit,
-        "a longer duration or stronger motors";
+        LongerOr("stronger motors");
     Anchor: "anchor", "sec. 2.4.1", M, Residual(0.001), Build,
-        "nothing (this constraint only fixes the start of the motion)";
-    DisplacementGoal: "displacement goal", "sec. 2.4.1", M, Residual(0.001), Request, LONGER;
+        Nothing("this constraint only fixes the start of the motion");
+    DisplacementGoal: "displacement goal", "sec. 2.4.1", M, Residual(0.001), Request, LongerOr("a nearer goal");
     TurningGoal: "turning goal", "sec. 2.4.1", Rad, Residual(0.001), Request,
-        "a smaller turn or a longer duration";
+        LongerOr("a smaller turn");
     TargetPosition: "target position", "sec. 2.4.1", M, Residual(0.001), Request,
-        "a target nearer to where the motion passes, or a target at another time";
+        Change("a target nearer to where the motion passes, or a target at another time");
     TargetVelocity: "target velocity", "sec. 2.4.1", MPerS, Residual(0.005), Request,
-        "a slower target, or a target at another time";
+        Change("a slower target, or a target at another time");
     TargetHeading: "target heading", "sec. 2.4.1", Rad, Residual(0.001), Request,
-        "a heading nearer to the headings of the rest of the motion, or a target at another time";
+        Change("a heading nearer to the headings of the rest of the motion, or a target at another time");
     HeightLimit: "height limit", "sec. 3.5.2", M, Residual(0.001), Request,
-        "a height within the legs' reach, or other height limits at that time";
-    Smoothness: "smoothness", "sec. 2.4.1", Mixed, Level::None, Cost, NO_ADVICE;
-    EvenForce: "even force", "sec. 2.4.1", N, Level::None, Cost, NO_ADVICE;
-    Posture: "posture", "sec. 2.4.1", Mixed, Level::None, Cost, NO_ADVICE;
-    EndLean: "lean at the end", "net displacement", Mixed, Level::None, Cost, NO_ADVICE;
-    WheelEffort: "wheel effort", "sec. 2.4.1", MPerS, Level::None, Cost, NO_ADVICE;
-    WheelSmoothness: "wheel smoothness", "sec. 2.4.1", MPerS, Level::None, Cost, NO_ADVICE;
-    Steering: "steering", "velocity in the heading's frame", Mixed, Level::None, Cost, NO_ADVICE;
-    LiftOffSlip: "slip at lift-off", "sec. 2.4.1", MPerS, Level::None, Cost, NO_ADVICE;
+        Change("a height within the legs' reach, or other height limits at that time");
+    Smoothness: "smoothness", "sec. 2.4.1", Mixed, Level::None, Cost, NoAdvice;
+    EvenForce: "even force", "sec. 2.4.1", N, Level::None, Cost, NoAdvice;
+    Posture: "posture", "sec. 2.4.1", Mixed, Level::None, Cost, NoAdvice;
+    EndLean: "lean at the end", "net displacement", Mixed, Level::None, Cost, NoAdvice;
+    WheelEffort: "wheel effort", "sec. 2.4.1", MPerS, Level::None, Cost, NoAdvice;
+    WheelSmoothness: "wheel smoothness", "sec. 2.4.1", MPerS, Level::None, Cost, NoAdvice;
+    Steering: "steering", "velocity in the heading's frame", Mixed, Level::None, Cost, NoAdvice;
+    LiftOffSlip: "slip at lift-off", "sec. 2.4.1", MPerS, Level::None, Cost, NoAdvice;
     // Wheels that land are rows of the slip in a solve, feet in swing follow their profile there.
-    LandingSlip: "landing slip", "Eq. 2.8, midpoint", MPerS, Residual(0.005), Check, NO_ADVICE;
-    MeanSlip: "mean slip", "mean in stance", MPerS, Residual(0.005), Check, NO_ADVICE;
-    Creep: "slip in a stance", "sum in stance", M, Residual(0.001), Check, NO_ADVICE;
-    JointTorqueAsPlayed: "joint torque as played", "inverse dynamics", Nm, OfLimit(0.1), Check, NO_ADVICE;
-    WheelTorqueAsPlayed: "wheel torque as played", "inverse dynamics", Nm, OfLimit(0.1), Check, NO_ADVICE;
-    UnmetForce: "unmet force", "inverse dynamics", N, Residual(0.3), Check, NO_ADVICE;
-    UnmetMoment: "unmet moment", "inverse dynamics", Nm, Residual(0.03), Check, NO_ADVICE;
-    SwingDepth: "depth in swing", "Eq. 2.9", M, Residual(0.001), Check, NO_ADVICE;
-    CentreOfMass: "centre of mass", "Eq. 2.11", M, Residual(0.001), Check, NO_ADVICE;
-    MotorAgainstWheel: "motor against wheel", "conventions", MPerS, Residual(0.005), Check, NO_ADVICE;
-    BaseOrientation: "base orientation", "Eq. 2.12", None, Residual(AGREEMENT), Check, NO_ADVICE;
-    Duration: "duration", "plan format", S, Residual(AGREEMENT), Check, NO_ADVICE;
-    Time: "time", "plan format", S, Residual(AGREEMENT), Check, NO_ADVICE;
-    Ends: "ends", "plan format", Mixed, Residual(AGREEMENT), Check, NO_ADVICE;
-    ContactFlag: "contact flag", "plan format", None, Residual(0.5), Check, NO_ADVICE;
+    LandingSlip: "landing slip", "Eq. 2.8, midpoint", MPerS, Residual(0.005), Check, NoAdvice;
+    MeanSlip: "mean slip", "mean in stance", MPerS, Residual(0.005), Check, NoAdvice;
+    Creep: "slip in a stance", "sum in stance", M, Residual(0.001), Check, NoAdvice;
+    JointTorqueAsPlayed: "joint torque as played", "inverse dynamics", Nm, OfLimit(0.1), Check, NoAdvice;
+    WheelTorqueAsPlayed: "wheel torque as played", "inverse dynamics", Nm, OfLimit(0.1), Check, NoAdvice;
+    UnmetForce: "unmet force", "inverse dynamics", N, Residual(0.3), Check, NoAdvice;
+    UnmetMoment: "unmet moment", "inverse dynamics", Nm, Residual(0.03), Check, NoAdvice;
+    SwingDepth: "depth in swing", "Eq. 2.9", M, Residual(0.001), Check, NoAdvice;
+    CentreOfMass: "centre of mass", "Eq. 2.11", M, Residual(0.001), Check, NoAdvice;
+    MotorAgainstWheel: "motor against wheel", "conventions", MPerS, Residual(0.005), Check, NoAdvice;
+    BaseOrientation: "base orientation", "Eq. 2.12", None, Residual(AGREEMENT), Check, NoAdvice;
+    Duration: "duration", "plan format", S, Residual(AGREEMENT), Check, NoAdvice;
+    Time: "time", "plan format", S, Residual(AGREEMENT), Check, NoAdvice;
+    Ends: "ends", "plan format", Mixed, Residual(AGREEMENT), Check, NoAdvice;
+    ContactFlag: "contact flag", "plan format", None, Residual(0.5), Check, NoAdvice;
     Foothold: "foothold", "terrain", M, Residual(0.001), Request,
-        "strides that end on the treads (goal, cycles), or a smaller margin_m";
+        Change("strides that end on the treads (goal, cycles), or a smaller margin_m");
     SwingClearance: "swing clearance", "terrain, half-way", M, Residual(0.001), Request,
-        "a higher swing_height_m, or swings of more samples";
+        Change("a higher swing_height_m, or swings of more samples");
     ObstacleClearance: "obstacle clearance", "shapes", M, Residual(0.001), Limit,
-        "a wider gap, a farther goal, a lower posture, or a smaller margin_m of the obstacle";
+        Change("a wider gap, a farther goal, a lower posture, or a smaller margin_m of the obstacle");
 }
 
 impl Family {
@@ -350,7 +388,7 @@ impl Family {
     }
 
     /// Advice on the change that would help.
-    pub fn advice(self) -> &'static str {
+    pub fn advice(self) -> Advice {
         self.info().advice
     }
 }
@@ -446,7 +484,7 @@ mod tests {
     fn what_can_be_diagnosed_has_advice_and_a_level() {
         for &family in Family::ALL {
             let diagnosed = !matches!(family.kind(), Kind::Cost | Kind::Check);
-            assert_eq!(family.advice() != NO_ADVICE, diagnosed, "{family}");
+            assert_eq!(family.advice() != NoAdvice, diagnosed, "{family}");
             assert_eq!(family.level() == Level::None, family.kind() == Kind::Cost, "{family}");
         }
     }

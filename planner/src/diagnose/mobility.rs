@@ -82,8 +82,8 @@ impl Mobility {
             }
             _ => {
                 let advice = family.advice();
-                let shorter = advice.strip_prefix("a longer duration or ");
-                shorter.filter(|_| !self.could_last).unwrap_or(advice).to_owned()
+                let advice = if self.could_last { advice } else { advice.without_duration() };
+                advice.to_string()
             }
         }
     }
@@ -133,6 +133,18 @@ mod tests {
     }
 
     #[test]
+    fn a_motion_of_the_longest_duration_gets_no_advice_to_last_longer() {
+        let stance = [vec![true; 4]];
+        let advice = |duration_s| {
+            let mobility = Mobility::of(&legbot(), &stance, &Goal::default(), duration_s);
+            [Family::DisplacementGoal, Family::JointSpeed].map(|family| mobility.advice(family))
+        };
+        let longer = ["a nearer goal", "shorter strides"];
+        assert_eq!(advice(2.0), longer.map(|change| format!("a longer duration or {change}")));
+        assert_eq!(advice(LONGEST_S), longer);
+    }
+
+    #[test]
     fn legs_in_planes_ahead_are_sent_ahead() {
         let mut planar = legbot();
         planar.joints.iter_mut().for_each(|joint| joint.axis_in_joint = Vector3::y());
@@ -146,7 +158,7 @@ mod tests {
         }
         // A feasible value of the goal is printed as well.
         let distance = Family::DisplacementGoal;
-        assert_eq!(of(&planar, ASIDE).advice(distance), distance.advice());
+        assert_eq!(of(&planar, ASIDE).advice(distance), distance.advice().to_string());
         planar.joints.clear();
         planar.links.truncate(1);
         planar.end_effectors.iter_mut().for_each(|end| end.link = 0);

@@ -19,8 +19,8 @@ impl Report {
         let mobility = Mobility::of(&plan.robot, &motion.stance, &motion.goal, motion.duration_s);
         let worst = self.worst_of(played).filter(|row| row.is_beyond());
         let advice = worst
-            .map(|row| mobility.advice(row.family))
-            .filter(|of| !of.is_empty() && !of.starts_with("nothing"));
+            .filter(|row| row.family.advice().is_change())
+            .map(|row| mobility.advice(row.family));
         let goal = &motion.goal;
         let has_goal =
             [goal.forward_m, goal.left_m, goal.turn_rad].iter().flatten().any(|of| *of != 0.0);
