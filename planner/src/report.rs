@@ -15,6 +15,7 @@ mod as_played;
 mod choreography;
 mod clearance;
 mod conclusion;
+mod costs;
 mod distances;
 mod grid;
 mod judgement;
@@ -32,6 +33,7 @@ mod timing;
 pub use crate::growth::Growth;
 pub use as_played::{LargestTorque, MotorKind};
 pub use conclusion::Conclusion;
+pub use costs::FamilyCost;
 pub use distances::{SmallestDistance, SmallestDistances};
 pub use judgement::Judgement;
 pub use net::UndoneGoal;
@@ -71,6 +73,8 @@ pub struct Report {
     pub torques: Vec<LargestTorque>,
     /// Smallest distances of the motion as played at 60 Hz.
     pub room: SmallestDistances,
+    /// Costs by family, largest first. Empty for transitions.
+    pub costs: Vec<FamilyCost>,
     /// Swing that loses the largest fraction of its height on servos without torque feed-forward; `None` if nothing swings.
     pub sag: Option<Sag>,
     /// Goal component that the net displacement of a motion at rest misses most. `None` for other motions and without goals.
@@ -95,6 +99,7 @@ impl Report {
         in_ticks(plan, &mut rows);
         Self {
             room: SmallestDistances::of(&frames),
+            costs: costs::costs(plan),
             sag: sag::sag(&samples),
             growth_per_cycle: growth::per_cycle(plan),
             ..Self::of(plan, rows, torques)
@@ -123,6 +128,7 @@ impl Report {
             rows,
             torques,
             room: SmallestDistances::default(),
+            costs: Vec::new(),
             sag: None,
             taken_back: UndoneGoal::of(plan),
             growth_per_cycle: None,

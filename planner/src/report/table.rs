@@ -1,6 +1,6 @@
 //! Report as an aligned text table.
 
-use super::{Grid, LargestTorque, MotorKind, Report, Row};
+use super::{FamilyCost, Grid, LargestTorque, MotorKind, Report, Row};
 use std::fmt;
 
 const HEADER: [&str; 6] = ["residual", "equation", "worst", "tolerance", "unit", "where"];
@@ -52,6 +52,20 @@ impl fmt::Display for Report {
             )?;
         }
         write!(f, "{}", self.room)?;
+        if !self.costs.is_empty() {
+            writeln!(f, "costs, weight × residual² over all rows, with the default weights")?;
+        }
+        let widest = self.costs.iter().map(|of| of.family.name().len()).max().unwrap_or(0);
+        for FamilyCost { family, rows, weight: [low, high], cost, share } in &self.costs {
+            let percent = format!("({:.1} %)", 100.0 * share);
+            let low = number(*low);
+            let weights = match number(*high) {
+                high if high == low => format!("weight {low}"),
+                high => format!("weights {low} to {high}"),
+            };
+            let cost = number(*cost);
+            writeln!(f, "  {family:widest$}  {cost:>9} {percent:>9}  {rows} rows, {weights}")?;
+        }
         // A large growth is printed with the verdict, below the table.
         if let Some(growth) = self.growth_per_cycle.filter(|growth| !growth.is_much()) {
             writeln!(f, "{growth}")?;
