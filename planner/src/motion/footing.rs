@@ -89,6 +89,23 @@ impl PartialEq for TerrainMaps {
     }
 }
 
+impl TerrainMaps {
+    /// Terrain with the map of the ground under the body, without maps of end effectors.
+    fn new(terrain: Terrain, body: ElevationMap) -> Self {
+        Self {
+            solid: terrain.solid(),
+            bare: terrain.ground(),
+            terrain,
+            body,
+            rolled: Vec::new(),
+            envelopes: Vec::new(),
+            patches: Vec::new(),
+            steppable: Vec::new(),
+            stands: Vec::new(),
+        }
+    }
+}
+
 impl Footing {
     /// Ground for the motions of a robot on a terrain. Flags of `rolls` are set for the end effectors that never leave the
     /// ground.
@@ -104,19 +121,8 @@ impl Footing {
             envelopes.push(maps.envelope(radius_m));
             patches.push(if rolls { Vec::new() } else { maps.patches(radius_m) });
         }
-        let (body, solid, bare) = (maps.body(), terrain.solid(), terrain.ground());
-        let (steppable, stands) = (Vec::new(), Vec::new());
-        let maps = TerrainMaps {
-            terrain,
-            solid,
-            bare,
-            body,
-            rolled,
-            envelopes,
-            patches,
-            steppable,
-            stands,
-        };
+        let body = maps.body();
+        let maps = TerrainMaps { rolled, envelopes, patches, ..TerrainMaps::new(terrain, body) };
         Self::Terrain(Arc::new(maps))
     }
 
@@ -134,19 +140,9 @@ impl Footing {
             Mapped::new(sensed, margins, robot, rolls)?;
         let (toml, obstacles) = (String::new(), Vec::new());
         let terrain = Terrain { toml, shape: Shape::Field(field), heading_rad: 0.0, obstacles };
-        let (solid, bare) = (terrain.solid(), terrain.ground());
-        let (patches, stands) = (vec![Vec::new(); robot.end_effectors.len()], Vec::new());
-        let maps = TerrainMaps {
-            terrain,
-            solid,
-            bare,
-            body,
-            rolled,
-            envelopes,
-            patches,
-            steppable,
-            stands,
-        };
+        let patches = vec![Vec::new(); robot.end_effectors.len()];
+        let maps = TerrainMaps::new(terrain, body);
+        let maps = TerrainMaps { rolled, envelopes, patches, steppable, ..maps };
         Ok(Self::Terrain(Arc::new(maps)))
     }
 
