@@ -412,7 +412,9 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             first = false;
             let (before, known) = (self.state(), self.safety.latched());
             let action = self.safety.handle(event);
-            if (self.state(), self.safety.latched()) != (before, known) {
+            // The command itself is logged, with its motion.
+            let is_logged = event == Event::MotionStarted;
+            if (self.state(), self.safety.latched()) != (before, known) && !is_logged {
                 // Before the action: afterwards the joint furthest from its setpoint can no longer be determined.
                 let details = event.fault().map(|fault| self.details(now_us, fault));
                 self.journal.record_event(now_us, event, [before, self.state()], details);

@@ -4,8 +4,9 @@
 //! entries that explain why the robot stopped.
 
 use rollwalk_protocol::faults::Event;
+use rollwalk_protocol::library::NodeId;
 use rollwalk_protocol::time::wrapping_ms;
-use rollwalk_protocol::wire::{Log, LogEntry, MAX_LOG_ENTRIES, State};
+use rollwalk_protocol::wire::{Log, LogEntry, MAX_LOG_ENTRIES, OTHER_LIBRARY, State};
 
 /// Ring buffer of the latest entries. An entry's index is its number modulo the capacity.
 #[derive(Clone, Debug)]
@@ -41,6 +42,28 @@ impl Journal {
         self.record(LogEntry { at_ms, event, before, after, fault, channel, value });
     }
 
+    /// Records an accepted command for a motion. The value of the entry is the motion. Commands that follow each other while a
+    /// motion plays share one entry, so that they do not displace others.
+    pub fn record_motion(&mut self, at_us: u64, [before, after]: [State; 2], motion: NodeId) {
+        let (at_ms, event) = (wrapping_ms(at_us), Event::MotionStarted.code());
+        let (fault, channel, value) = (None, None, f32::from(motion.0));
+        let entry = LogEntry { at_ms, event, before, after, fault, channel, value };
+        let newest = self.next.wrapping_sub(1) as usize % MAX_LOG_ENTRIES;
+        let repeats = |last: &LogEntry| last.event == event && last.before == last.after;
+        match self.entries.get_mut(newest).and_then(Option::as_mut) {
+            Some(last) if before == after && repeats(last) => *last = entry,
+            _ => self.record(entry),
+        }
+    }
+
+    /// Removes the motions from the entries, because another library has other ones.
+    pub fn forget_motions(&mut self) {
+        let of_motions = |entry: &&mut LogEntry| entry.event == Event::MotionStarted.code();
+        for entry in self.entries.iter_mut().flatten().filter(of_motions) {
+            entry.value = OTHER_LIBRARY;
+        }
+    }
+
     fn record(&mut self, entry: LogEntry) {
         if let Some(slot) = self.entries.get_mut(self.next as usize % MAX_LOG_ENTRIES) {
             *slot = Some(entry);
@@ -73,6 +96,30 @@ mod tests {
     fn entry(at_ms: u32) -> LogEntry {
         let (event, before, after) = (Event::Disarm.code(), State::Ready, State::EStopped);
         LogEntry { at_ms, event, before, after, fault: None, channel: None, value: 0.0 }
+    }
+
+    #[test]
+    fn commands_for_motions_share_an_entry_and_lose_their_motion_with_the_library() {
+        let mut journal = Journal::new();
+        let (ready, playing) = (State::Ready, State::Playing);
+        journal.record(entry(1));
+        journal.record_motion(1_000, [ready, playing], NodeId(4));
+        for motion in [2, 3, 3] {
+            journal.record_motion(2_000, [playing, playing], NodeId(motion));
+        }
+        journal.record(entry(3));
+        journal.record_motion(4_000, [playing, playing], NodeId(0));
+        let entries = |journal: &Journal| -> Vec<_> {
+            journal.since(0, 0).entries().map(|(n, e)| (n, e.before, e.value)).collect()
+        };
+        let expected = |values: [f32; 3]| {
+            let [first, second, third] = values;
+            let others = [(0, ready, 0.0), (1, ready, first), (2, playing, second)];
+            [&others[..], &[(3, ready, 0.0), (4, playing, third)]].concat()
+        };
+        assert_eq!(entries(&journal), expected([4.0, 3.0, 0.0]));
+        journal.forget_motions();
+        assert_eq!(entries(&journal), expected([OTHER_LIBRARY; 3]));
     }
 
     #[test]

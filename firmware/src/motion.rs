@@ -16,7 +16,7 @@ use rollwalk_protocol::library::{Library, LibraryReadError, NodeId, RATE_HZ};
 use crate::actuators::{Actuators, FRESH_TICKS, GainMode};
 use crate::align::{Ramp, RampEnds};
 use crate::bus::Buses;
-use crate::graph_cursor::GoalError;
+use crate::graph_cursor::{GoalError, GraphCursor};
 use crate::limiter::{Limiter, Target, within};
 use crate::parameters::Parameters;
 use crate::player::{PlaybackPosition, Player};
@@ -150,17 +150,11 @@ impl Motion {
         }
     }
 
-    /// Returns true if all motions on the way to a goal are permitted.
-    pub fn may_enter(
-        &self,
-        library: &Library<'_>,
-        goal: NodeId,
-        permitted: impl Fn(NodeId) -> bool,
-    ) -> bool {
+    /// Place in the motion graph; `None` unless a library plays.
+    pub fn cursor(&self) -> Option<&GraphCursor> {
         match &self.stage {
-            Stage::Playing(player) => player.may_enter(library, goal, permitted),
-            // The motion is refused anyway.
-            _ => true,
+            Stage::Playing(player) => Some(player.cursor()),
+            _ => None,
         }
     }
 

@@ -142,14 +142,9 @@ impl Player {
         self.cursor.set_goal(library, goal)
     }
 
-    /// Returns true if all motions on the way to a goal are permitted.
-    pub fn may_enter(
-        &self,
-        library: &Library<'_>,
-        goal: NodeId,
-        permitted: impl Fn(NodeId) -> bool,
-    ) -> bool {
-        self.cursor.may_enter(library, goal, permitted)
+    /// Place in the motion graph.
+    pub fn cursor(&self) -> &GraphCursor {
+        &self.cursor
     }
 
     /// Number of frames until the requested motion starts; 0 once it plays.

@@ -225,11 +225,15 @@ impl Observations<'_> {
         Some(finding(Gravity::Note, what, String::new()))
     }
 
-    /// Channel and value of a log entry in parentheses.
+    /// Channel and value of a log entry, or its motion, in parentheses.
     pub fn entry_detail(&self, entry: &LogEntry) -> String {
-        entry.fault.map_or_else(String::new, |fault| {
-            report_details(fault, self.channel_of(entry.channel), Some(entry.value))
-        })
+        match (entry.fault, entry.motion()) {
+            (Some(fault), _) => {
+                report_details(fault, self.channel_of(entry.channel), Some(entry.value))
+            }
+            (None, Some(motion)) => format!(" ({})", self.clip(motion.0)),
+            (None, None) => String::new(),
+        }
     }
 
     fn load(&self) -> Finding {

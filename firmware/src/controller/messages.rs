@@ -361,9 +361,14 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                         of_motion.is_none() || of_motion == place
                     })
                 };
+                // Without a cursor, the motion is refused anyway.
+                let may_enter = |node| {
+                    let cursor = self.motion.cursor();
+                    cursor.is_none_or(|cursor| cursor.may_enter(&library, node, is_here))
+                };
                 match library.node_for_code(code) {
                     None => Err(CommandResult::UnknownCode),
-                    Some(node) if self.motion.may_enter(&library, node, is_here) => Ok(node),
+                    Some(node) if may_enter(node) => Ok(node),
                     Some(_) => Err(CommandResult::OtherPlace),
                 }
             }
@@ -394,7 +399,9 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         // Ends a pause; in other states this has no effect.
         self.raise(now_us, Event::ResumeAsked);
         if moves {
+            let before = self.state();
             self.raise(now_us, Event::MotionStarted);
+            self.journal.record_motion(now_us, [before, self.state()], node);
         }
         Ok((Some(node), frames))
     }
@@ -458,6 +465,9 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             Ok(request) => {
                 // The operator who was about to arm expected another library.
                 self.gate.void();
+                if matches!(request, Request::Activate { .. }) {
+                    self.journal.forget_motions();
+                }
                 Response::Reply(self.storage.handle(&request, may_write, config))
             }
             Err(error) => Response::Reply(Reply::new(kind, unreadable(error), self.storage.next())),

@@ -73,6 +73,11 @@ fn a_day_from_power_on_to_disarm() {
     ];
     assert_eq!(events(&all), expected);
     assert!(all.iter().all(|entry| entry.fault.is_none() && entry.channel.is_none()));
+    let motion = rig.brain.library().unwrap().node_for_code(CODE_WALK);
+    assert_eq!(all[4].motion(), motion);
+    assert!(
+        all.iter().all(|entry| entry.motion().is_some() == (entry.event == MotionStarted.code()))
+    );
     assert!(all.windows(2).all(|w| w[0].after == w[1].before && w[0].at_ms <= w[1].at_ms));
     assert_eq!((log.first, log.next, log.now_ms), (0, 11, (rig.now_us / 1000) as u32));
     // A host that was connected before requests only new entries.

@@ -1,7 +1,8 @@
 //! Log of the controller: recent changes of state and faults, for later diagnosis.
 
 use super::State;
-use crate::faults::Fault;
+use crate::faults::{Event, Fault};
+use crate::library::NodeId;
 
 /// Maximum number of entries of a [`Log`] message.
 pub const MAX_LOG_ENTRIES: usize = 16;
@@ -26,11 +27,21 @@ pub struct LogEntry {
     pub fault: Option<Fault>,
     /// Channel concerned; see [`super::FaultReport`].
     pub channel: Option<u8>,
-    /// Offending value; see [`super::FaultReport`].
+    /// Offending value; see [`super::FaultReport`]. For a command for a motion, the number of the motion, or [`OTHER_LIBRARY`].
     pub value: f32,
 }
 
+/// Value of an entry about a motion of a library that the controller has no more.
+pub const OTHER_LIBRARY: f32 = -1.0;
+
 impl LogEntry {
+    /// Number of the motion of a command for a motion of the present library.
+    pub fn motion(&self) -> Option<NodeId> {
+        let is_command = self.event == Event::MotionStarted.code() && self.value >= 0.0;
+        // The cast saturates.
+        is_command.then_some(NodeId(self.value as u8))
+    }
+
     /// Encodes
     /// `[at u32 ms][event u8][before 4 low bits, after 4 high bits][fault u8, 255 none][channel u8, 255 none][value f32]`.
     pub fn encode(&self) -> [u8; LOG_ENTRY_BYTES] {

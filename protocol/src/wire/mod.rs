@@ -39,7 +39,7 @@ pub use command::{Action, Command, CommandAck, CommandResult, MOST_VALID_MS};
 pub use discovery::{Discover, Discovered};
 pub use dispatch::{FromController, ToController};
 pub use heartbeat::{Heartbeat, HeartbeatReply};
-pub use log::{LOG_ENTRY_BYTES, Log, LogEntry, MAX_LOG_ENTRIES};
+pub use log::{LOG_ENTRY_BYTES, Log, LogEntry, MAX_LOG_ENTRIES, OTHER_LIBRARY};
 pub use parameter::{
     Parameter, ParameterAck, ParameterAction, ParameterOrigin, ParameterRequest, ParameterResult,
 };
