@@ -10,6 +10,7 @@ use rollwalk_host::doctor::{Finding, Gains, Gravity, LinkKeyCheck, Observations,
 use rollwalk_host::listener::{self, Listener};
 use rollwalk_host::session::{History, Session, SessionError};
 use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::wire::Node;
 use rollwalk_protocol::wire::transport::Hello;
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::names::NamesArgs;
@@ -226,12 +227,8 @@ struct ControllerAnswers {
 /// Requests the controller's identity, gains and log, and checks the link key. The check begins a session, so it is left out if
 /// the controller has another host, which may be about to begin one.
 fn ask(peer: &Peer, has_host: bool, bus: &mut Interruptible) -> ControllerAnswers {
-    let node = peer.node;
-    let (hello, read, history) = match Session::visit(&mut *bus, node) {
-        Ok(mut session) => {
-            let read = Gains::read(&mut session).map_err(|error| error.to_string());
-            (Some(*session.hello()), read, session.history().ok())
-        }
+    let (hello, history) = match Session::visit(&mut *bus, peer.node) {
+        Ok(mut session) => (*session.hello(), session.history().ok()),
         Err(error @ SessionError::ProtocolMismatch { .. }) => {
             return ControllerAnswers {
                 refused: Some(error.to_string()),
@@ -240,12 +237,45 @@ fn ask(peer: &Peer, has_host: bool, bus: &mut Interruptible) -> ControllerAnswer
         }
         Err(_) => return ControllerAnswers::default(),
     };
-    let key = if has_host { LinkKeyCheck::Unknown } else { LinkKeyCheck::of(bus, peer) };
+    let (key, read) = match has_host {
+        true => (LinkKeyCheck::Unknown, gains_beside_host(peer, bus)),
+        false => gains(peer, bus),
+    };
     let (gains, gains_unread) = match read {
         Ok(gains) => (Some(gains), None),
         Err(why) => (None, Some(why)),
     };
-    ControllerAnswers { hello, gains, gains_unread, history, refused: None, key }
+    ControllerAnswers { hello: Some(hello), gains, gains_unread, history, refused: None, key }
+}
+
+/// Checks the link key, and reads the gains or returns the reason why that is impossible.
+fn gains(peer: &Peer, bus: &mut Interruptible) -> (LinkKeyCheck, Result<Gains, String>) {
+    let (key, session) = LinkKeyCheck::of(bus, peer);
+    let read = match (session, key) {
+        (Some(mut session), _) => Gains::read(&mut session).map_err(|error| error.to_string()),
+        // The controller would log a request without a valid key.
+        (None, LinkKeyCheck::Missing | LinkKeyCheck::Wrong) => {
+            Err("the controller shows them only to hosts with its link key".into())
+        }
+        (None, LinkKeyCheck::NoSessions) => {
+            Err("the controller begins no sessions, which protect them".into())
+        }
+        (None, _) => gains_without_key(peer.node, bus),
+    };
+    (key, read)
+}
+
+/// Reads the gains of a controller that has a host, without a session.
+fn gains_beside_host(peer: &Peer, bus: &mut Interruptible) -> Result<Gains, String> {
+    match peer.credentials {
+        Some(_) => Err("the controller has another host, whose session would end".into()),
+        None => gains_without_key(peer.node, bus),
+    }
+}
+
+fn gains_without_key(node: Node, bus: &mut Interruptible) -> Result<Gains, String> {
+    let session = Session::visit(bus, node);
+    session.and_then(|mut session| Gains::read(&mut session)).map_err(|error| error.to_string())
 }
 
 fn report(

@@ -30,23 +30,26 @@ pub enum LinkKeyCheck {
 }
 
 impl LinkKeyCheck {
-    /// Checks the key of a peer on a bus. Requests a session, which ends no other session and needs no heartbeat.
-    pub fn of(bus: &mut impl LinkBus, peer: &Peer) -> Self {
+    /// Checks the key of a peer on a bus. Requests a session, which ends no other session and needs no heartbeat. Returns the
+    /// session if the key is accepted.
+    pub fn of<'b, B: LinkBus>(bus: &'b mut B, peer: &Peer) -> (Self, Option<Session<&'b mut B>>) {
         let none = || Credentials { key: LinkKey::new(&NO_KEY), nonce: 0 };
         let credentials = peer.credentials.clone().unwrap_or_else(none);
         let is_given = peer.credentials.is_some();
         let asked = Peer { node: peer.node, credentials: Some(credentials) };
-        match (Session::visit(bus, asked), is_given) {
-            (Ok(_), true) => Self::Accepted,
-            (Err(SessionError::NoSession { why, .. }), _) => match (why, is_given) {
-                (NoSession::WrongKey, true) => Self::Wrong,
-                (NoSession::WrongKey, false) => Self::Missing,
-                (NoSession::NotNeeded, true) => Self::GivenInVain,
-                (NoSession::NotNeeded, false) => Self::NotNeeded,
-                (NoSession::CannotCount, _) => Self::NoSessions,
-            },
-            _ => Self::Unknown,
-        }
+        let why = match Session::visit(bus, asked) {
+            Ok(session) if is_given => return (Self::Accepted, Some(session)),
+            Err(SessionError::NoSession { why, .. }) => why,
+            _ => return (Self::Unknown, None),
+        };
+        let check = match (why, is_given) {
+            (NoSession::WrongKey, true) => Self::Wrong,
+            (NoSession::WrongKey, false) => Self::Missing,
+            (NoSession::NotNeeded, true) => Self::GivenInVain,
+            (NoSession::NotNeeded, false) => Self::NotNeeded,
+            (NoSession::CannotCount, _) => Self::NoSessions,
+        };
+        (check, None)
     }
 }
 
