@@ -17,7 +17,7 @@ use rollwalk_protocol::faults::Fault;
 use serde::{Deserialize, Serialize};
 
 /// Actuators of an unknown robot.
-pub(crate) static UNKNOWN: Actuators = Actuators { buses: Vec::new(), channels: Vec::new() };
+pub static UNKNOWN: Actuators = Actuators { buses: Vec::new(), channels: Vec::new() };
 
 /// Kind of an actuator bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

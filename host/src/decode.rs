@@ -81,6 +81,15 @@ pub fn decode(frame: &Frame) -> Result<DecodedFrame, DecodeError> {
         Some(FromController::JointTelemetry(joint)) => {
             signals.insert("status", Value::Number(joint.status.0.into()));
         }
+        Some(FromController::Readings(readings)) => {
+            for (name, value) in
+                [("temperature", readings.temperature_c), ("voltage", readings.voltage_v)]
+            {
+                if value.is_none() {
+                    signals.insert(name, Value::None);
+                }
+            }
+        }
         Some(FromController::Discovered(discovered)) => {
             let uid = discovered.uid.map(|byte| format!("{byte:02x}")).concat();
             signals.insert("uid", Value::Name(uid));
@@ -96,7 +105,7 @@ mod tests {
     use rollwalk_protocol::actuator::ActuatorStatus;
     use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
     use rollwalk_protocol::wire::{
-        Action, Command, Discovered, Estop, JointTelemetry, Node, State, Status,
+        Action, ActuatorReadings, Command, Discovered, Estop, JointTelemetry, Node, State, Status,
     };
 
     fn node() -> Node {
@@ -132,6 +141,11 @@ mod tests {
         assert_eq!(
             json(&joint.encode(node())),
             r#"{"message":"joint","node":3,"signals":{"channel":4.0,"position":-0.5,"status":3.0,"torque":1.5,"velocity":0.25}}"#
+        );
+        let readings = ActuatorReadings { channel: 4, temperature_c: Some(41.5), voltage_v: None };
+        assert_eq!(
+            json(&readings.encode(node())),
+            r#"{"message":"readings","node":3,"signals":{"channel":4.0,"temperature":41.5,"voltage":null}}"#
         );
         let discovered = Discovered { uid: [0, 1, 2, 0xa, 0xb, 0xff], protocol_major: 1 };
         assert_eq!(

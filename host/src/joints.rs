@@ -108,7 +108,8 @@ impl<'a> Reader<'a> {
         Some(joints.collect())
     }
 
-    fn channel_name(&self, channel: u8) -> String {
+    /// Name of a channel, or `channel_N` if it is unknown.
+    pub fn channel_name(&self, channel: u8) -> String {
         let names = self.known.as_ref().map(|known| &known.catalog.channels);
         let name = names.and_then(|names| names.get(usize::from(channel)));
         name.cloned().unwrap_or_else(|| format!("channel_{channel}"))

@@ -4,11 +4,11 @@
 //! |---|---|---|
 //! | `/joint_states` | `foxglove.JointStates` | each time that all channels have reported |
 //! | `/planned_joint_states` | `foxglove.JointStates` | at every status while a known library is played |
-//! | `/status`, `/fault`, `/command`, `/command_ack` | the message of that name | with each message |
+//! | `/status`, `/fault`, `/readings`, `/command`, `/command_ack` | the message of that name | with each message |
 //!
-//! Messages are JSON, in rad, rad/s and N·m. The topic of planned states exists only if the library is known.
+//! Messages are JSON, in rad, rad/s, N·m, °C and V. Readings also contain the name of the joint. The topic of planned states exists only if the library is known.
 
-use crate::decode::decode;
+use crate::decode::{DecodedFrame, Value, decode};
 use crate::joints::{Joints, Reader, RobotContext};
 use mcap::records::MessageHeader;
 use mcap::{McapResult, WriteOptions, Writer};
@@ -20,7 +20,9 @@ use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 
 /// Names of the messages that are written in decoded form.
-const DECODED: [&str; 4] = ["status", "fault", "command", "command_ack"];
+const DECODED: [&str; 5] = ["status", "fault", READINGS, "command", "command_ack"];
+/// Name of the message with temperature and supply voltage of an actuator.
+const READINGS: &str = "readings";
 
 /// Telemetry file that is being written.
 pub struct Telemetry<'a, W: Write + Seek> {
@@ -98,11 +100,17 @@ impl<'a, W: Write + Seek> Telemetry<'a, W> {
     /// # Errors
     /// Returns an error if the file cannot be written.
     pub fn on_frame(&mut self, at_us: u64, frame: &Frame) -> McapResult<()> {
-        if let Ok(decoded) = decode(frame)
-            && decoded.node == self.node.number()
-            && let Some(&topic) = self.topics.get(decoded.message)
+        if let Ok(DecodedFrame { message, node, mut signals }) = decode(frame)
+            && node == self.node.number()
+            && let Some(&topic) = self.topics.get(message)
         {
-            self.write(topic, at_us, &decoded.signals)?;
+            if message == READINGS
+                && let Some(&Value::Number(channel)) = signals.get("channel")
+            {
+                let joint = self.joints.channel_name(channel as u8);
+                signals.insert("joint", Value::Name(joint));
+            }
+            self.write(topic, at_us, &signals)?;
         }
         match self.joints.on_frame(frame) {
             Some(joints) => self.on_joints(at_us, joints),

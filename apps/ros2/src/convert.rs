@@ -1,7 +1,7 @@
 //! Conversion of the host's view of a robot to messages of ROS, as pure functions.
 
 use crate::messages::{DiagnosticArray, DiagnosticStatus, Header, JointState, KeyValue, Level};
-use rollwalk_host::actuators::Actuators;
+use rollwalk_host::actuators::{Actuators, ReadingWarning, UNKNOWN, reading_words};
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::describe::{condition, fault_report_on};
 use rollwalk_host::operator::{FaultView, View};
@@ -68,7 +68,7 @@ pub struct DiagnosticInputs<'a> {
     pub catalog: Option<&'a Catalog>,
 }
 
-/// Diagnostics of the controller and its link.
+/// Diagnostics of the controller, its link, and its actuators if they report temperature or supply voltage.
 pub fn diagnostics(stamp: Time, of: &DiagnosticInputs<'_>) -> DiagnosticArray {
     let robot = of.catalog.map_or("robot", |catalog| &*catalog.robot);
     let hardware_id = format!("{robot}, node {}", of.view.node);
@@ -79,16 +79,29 @@ pub fn diagnostics(stamp: Time, of: &DiagnosticInputs<'_>) -> DiagnosticArray {
     let (level, message, values) = controller(of);
     let controller = part("controller", level, message, values);
     let (level, message, values) = link(of);
-    DiagnosticArray {
-        header: header(stamp),
-        status: vec![controller, part("link", level, message, values)],
+    let link = part("link", level, message, values);
+    let actuators = actuators(of);
+    let actuators =
+        actuators.map(|(level, message, values)| part("actuators", level, message, values));
+    let status = [controller, link].into_iter().chain(actuators).collect();
+    DiagnosticArray { header: header(stamp), status }
+}
+
+impl DiagnosticInputs<'_> {
+    fn actuators(&self) -> &Actuators {
+        self.catalog.map_or(&UNKNOWN, |catalog| &catalog.actuators)
+    }
+
+    fn channel(&self, channel: u8) -> String {
+        let channels = self.catalog.map(|catalog| &catalog.channels);
+        let name = channels.and_then(|names| names.get(usize::from(channel)));
+        name.cloned().unwrap_or_else(|| format!("channel {channel}"))
     }
 }
 
 fn controller(of: &DiagnosticInputs<'_>) -> (Level, String, Vec<KeyValue>) {
     let view = of.view;
-    let unknown = Actuators::default();
-    let actuators = of.catalog.map_or(&unknown, |catalog| &catalog.actuators);
+    let actuators = of.actuators();
     let mut values = vec![entry("state", state(view))];
     if latest_status(view).is_some() {
         values.push(entry("motion", motion(view, of.catalog)));
@@ -98,11 +111,7 @@ fn controller(of: &DiagnosticInputs<'_>) -> (Level, String, Vec<KeyValue>) {
         values.push(entry("library", format!("{library:08x}")));
     }
     for fault in &view.faults {
-        let channels = of.catalog.map(|catalog| &catalog.channels);
-        let name = fault.channel.map(|channel| {
-            let name = channels.and_then(|names| names.get(usize::from(channel)));
-            name.cloned().unwrap_or_else(|| format!("channel {channel}"))
-        });
+        let name = fault.channel.map(|channel| of.channel(channel));
         let FaultView { fault, channel, value, .. } = *fault;
         values.push(entry("fault", fault_report_on(fault, channel, name, value, actuators)));
     }
@@ -142,6 +151,28 @@ fn link(of: &DiagnosticInputs<'_>) -> (Level, String, Vec<KeyValue>) {
     (level, message, values)
 }
 
+/// Temperatures and supply voltages; `None` if no actuator reports them.
+fn actuators(of: &DiagnosticInputs<'_>) -> Option<(Level, String, Vec<KeyValue>)> {
+    let (mut values, mut warnings) = (Vec::new(), Vec::new());
+    for (&channel, joint) in &of.view.joints {
+        let Some(readings) = joint.readings else { continue };
+        let name = of.channel(channel);
+        values.push(entry(&name, reading_words(&readings)));
+        if let Some(limits) = of.actuators().limits(channel) {
+            let all = ReadingWarning::all(&readings, limits).into_iter();
+            warnings
+                .extend(all.map(|warning| format!("{name}: {}", warning.words(&readings, limits))));
+        }
+    }
+    if values.is_empty() {
+        return None;
+    }
+    Some(match warnings.is_empty() {
+        true => (Level::Ok, "no warning".to_owned(), values),
+        false => (Level::Warn, warnings.join("; "), values),
+    })
+}
+
 fn header(stamp: Time) -> Header {
     Header { stamp, frame_id: String::new() }
 }
@@ -153,10 +184,11 @@ fn entry(key: &str, value: String) -> KeyValue {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rollwalk_host::actuators::ChannelActuator;
     use rollwalk_host::operator::Operator;
     use rollwalk_protocol::actuator::ActuatorStatus;
     use rollwalk_protocol::faults::{Fault, FaultBits};
-    use rollwalk_protocol::wire::Node;
+    use rollwalk_protocol::wire::{ActuatorReadings, Node};
 
     fn node() -> Node {
         Node::new(1).unwrap()
@@ -184,6 +216,8 @@ mod tests {
         let mut catalog = Catalog::of_robot("pup", 7, vec!["hip".into(), "wheel".into()]);
         catalog.motions =
             vec![motion("stand", Some(1)), motion("walk", Some(2)), motion("x", None)];
+        catalog.actuators.channels =
+            vec![ChannelActuator { bus: 0, id: 1, model: "XL330-M288-T".into() }];
         catalog
     }
 
@@ -263,6 +297,28 @@ mod tests {
             assert_eq!(find(&status[0], "state"), format!("{state:?}"));
             assert_eq!(status[1].level, Level::Ok, "{:?}", status[1]);
             assert_eq!(find(&status[1], "bus"), "sim");
+        }
+        // Servos report readings and have limits.
+        let mut operator = operator(State::Playing, none, Severity::None);
+        let joint = JointTelemetry {
+            channel: 0,
+            position_rad: 0.0,
+            velocity_rad_s: 0.0,
+            torque_nm: 0.0,
+            status: ActuatorStatus(0),
+        };
+        operator.on_frame(1_000, &joint.encode(node()));
+        assert_eq!(of(&operator.view(2_000)).len(), 2);
+        for (temperature_c, level, message) in [
+            (40.0, Level::Ok, "no warning"),
+            (66.0, Level::Warn, "hip: 66 °C; its torque goes off at 70 °C"),
+        ] {
+            let (temperature_c, voltage_v) = (Some(temperature_c), Some(5.0));
+            let readings = ActuatorReadings { channel: 0, temperature_c, voltage_v };
+            operator.on_frame(1_000, &readings.encode(node()));
+            let status = &of(&operator.view(2_000))[2];
+            assert_eq!((status.level, &*status.message), (level, message));
+            assert_eq!(find(status, "hip"), reading_words(&readings));
         }
         let mut lost = Operator::new(node(), None);
         lost.on_bus_lost(0, "can0 is down");

@@ -201,6 +201,10 @@ pub struct ChannelTelemetry {
     pub torque_nm: f32,
     /// Age of the telemetry, s.
     pub age_s: f64,
+    /// Temperature, °C; `None` if the actuator does not report it.
+    pub temperature_c: Option<f32>,
+    /// Supply voltage, V; `None` if the actuator does not report it.
+    pub voltage_v: Option<f32>,
 }
 
 /// State of a simulated robot.

@@ -42,6 +42,8 @@ pub fn robot_view(
         speed_rad_s: joint.telemetry.velocity_rad_s,
         torque_nm: joint.telemetry.torque_nm,
         age_s: seconds(joint.age_us),
+        temperature_c: joint.readings.and_then(|of| of.temperature_c),
+        voltage_v: joint.readings.and_then(|of| of.voltage_v),
     });
     let message = |message: &rollwalk_host::operator::Message| OperatorMessage {
         at_s: seconds(message.at_us),

@@ -76,7 +76,7 @@ export type RobotView = {
   stopping: boolean;
   leaving: "no" | "when_home" | "now";
   speed_64ths: number;
-  channels: { name: string; position_rad: number; speed_rad_s: number; torque_nm: number; age_s: number }[];
+  channels: { name: string; position_rad: number; speed_rad_s: number; torque_nm: number; age_s: number; temperature_c: number | null; voltage_v: number | null }[];
   /** Poses of the scene's bodies, world_from_body. */
   poses: number[][];
   simulated: { fallen: boolean; held: boolean } | null;

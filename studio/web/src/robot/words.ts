@@ -39,7 +39,12 @@ export function latestOf(view: RobotView): RobotView["messages"][number] | null 
 
 export function factsOf(view: RobotView): string {
   const trip = view.round_trip_ms === null ? "" : `round trip ${format(view.round_trip_ms, 1)} ms · `;
-  const hottest = view.channels.reduce((most, one) => Math.max(most, Math.abs(one.torque_nm)), 0);
+  const strongest = view.channels.reduce((most, one) => Math.max(most, Math.abs(one.torque_nm)), 0);
+  const known = (values: (number | null)[]) => values.filter((value) => value !== null);
+  const temperatures = known(view.channels.map((one) => one.temperature_c));
+  const voltages = known(view.channels.map((one) => one.voltage_v));
+  const warmest = temperatures.length === 0 ? "" : ` · warmest actuator ${format(Math.max(...temperatures), 0)} °C`;
+  const lowest = voltages.length === 0 ? "" : ` · lowest supply ${format(Math.min(...voltages), 1)} V`;
   const gamepad = view.gamepad === null ? "" : `${view.gamepad} · `;
-  return `${gamepad}${trip}lost ${view.lost[0]} of ${view.lost[1]} messages · largest torque ${format(hottest, 2)} N·m`;
+  return `${gamepad}${trip}lost ${view.lost[0]} of ${view.lost[1]} messages · largest torque ${format(strongest, 2)} N·m${warmest}${lowest}`;
 }
