@@ -190,6 +190,23 @@ mod tests {
         assert!(compared >= 13, "{compared}");
     }
 
+    /// Simulated servos and torque limits of a bus follow the table of the protocol, plans the catalogue.
+    #[test]
+    fn models_have_the_speed_and_torque_of_the_catalogue() {
+        let catalog = Catalog::shipped();
+        for model in feetech::table::MODELS {
+            let servo = catalog.servos().iter().find(|servo| is_of(servo, model.name));
+            let Some(servo) = servo else { continue };
+            let speed_rad_s = f64::from(model.max_velocity as f32 * feetech::table::STEP_RAD);
+            let torque_nm = servo.stall_torque_nm.unwrap();
+            // The table rounds to whole steps per second, the catalogue torques to 0.01 N·m.
+            let speed = speed_rad_s / servo.no_load_speed_rad_s - 1.0;
+            let torque = f64::from(model.stall_torque_nm) / torque_nm - 1.0;
+            assert!(speed.abs() < 5e-4, "{}: {speed_rad_s} rad/s", model.name);
+            assert!(torque.abs() < 3e-3, "{}: {torque_nm} N·m", model.name);
+        }
+    }
+
     #[test]
     fn limits_beyond_the_data_sheet_are_named_whatever_follows_the_name() {
         let mut robot = Robot::from_toml("pup.toml", PUP).unwrap();
