@@ -17,8 +17,9 @@ use rollwalk_physics::sensitivity::parameter::Control;
 use rollwalk_physics::sensitivity::{Recorder, Residual};
 use rollwalk_physics::world::{FallWatch, Parameters};
 use rollwalk_planner::plan::Plan;
-use rollwalk_robot::Actuator;
+use rollwalk_robot::{Actuator, Robot};
 use std::sync::Arc;
+use thiserror::Error;
 
 /// Options of retargeting.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,17 +74,51 @@ pub struct RetargetResult {
     pub largest_rad: f64,
 }
 
+/// Robot whose set-points cannot be corrected.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum RetargetError {
+    /// Coupled motor, whose set-points concern several joints.
+    #[error(
+        "the motor of joint `{0}` is coupled (`motor_per_joint` or `linkage`), and setpoints of \
+         such motors cannot be corrected"
+    )]
+    Coupled(String),
+    /// Joint without a motor, which has no set-points.
+    #[error(
+        "joint `{0}` has no motor, and setpoints of robots with such joints cannot be corrected"
+    )]
+    Passive(String),
+}
+
+/// Checks that the set-points of a robot can be corrected.
+///
+/// # Errors
+/// Returns the first joint that prevents it.
+pub fn check(robot: &Robot) -> Result<(), RetargetError> {
+    if let Some(joint) = robot.joints.iter().find(|joint| joint.is_coupled()) {
+        return Err(RetargetError::Coupled(joint.name.clone()));
+    }
+    if let Some(joint) = robot.joints.iter().find(|joint| joint.is_passive()) {
+        return Err(RetargetError::Passive(joint.name.clone()));
+    }
+    Ok(())
+}
+
 /// Computes corrections for a validated plan. Ignores and replaces its present corrections.
 ///
 /// Calls `goes_on` before each rollout with the number of the rollout. If `goes_on` returns `false` the search ends with the
 /// best corrections so far.
 ///
-/// Returns `None` if the uncorrected plan falls, or if a step of the simulation has no solution. Motors must not be coupled.
+/// Returns `None` if the uncorrected plan falls, or if a step of the simulation has no solution.
+///
+/// # Errors
+/// Returns the error of [`check`].
 pub fn retarget(
     plan: &Plan,
     options: &Options,
     mut goes_on: impl FnMut(usize) -> bool,
-) -> Option<RetargetResult> {
+) -> Result<Option<RetargetResult>, RetargetError> {
+    check(&plan.robot)?;
     let mut bare = plan.clone();
     bare.samples.iter_mut().for_each(|sample| sample.joint_correction_rad.clear());
     let script = Script::new(&bare, options.feed_forward);
@@ -119,7 +154,8 @@ pub fn retarget(
     };
     // If the robot falls with these angles, it may stand without them.
     let fit = minimise(&start, &penalties, &search, &mut run)
-        .or_else(|| minimise(&vec![0.0; start.len()], &penalties, &search, &mut run))?;
+        .or_else(|| minimise(&vec![0.0; start.len()], &penalties, &search, &mut run));
+    let Some(fit) = fit else { return Ok(None) };
     let mut corrected = bare.clone();
     let offset_s = if script.repeats() { 0.0 } else { REST_S };
     let mut largest_rad: f64 = 0.0;
@@ -131,7 +167,8 @@ pub fn retarget(
         largest_rad =
             sample.joint_correction_rad.iter().fold(largest_rad, |most, c| most.max(c.abs()));
     }
-    Some(RetargetResult { plan: corrected, costs: fit.costs, rollouts: fit.rollouts, largest_rad })
+    let (plan, costs, rollouts) = (corrected, fit.costs, fit.rollouts);
+    Ok(Some(RetargetResult { plan, costs, rollouts, largest_rad }))
 }
 
 /// Curve of the corrections of a joint over the time of a rollout.
@@ -234,7 +271,21 @@ mod tests {
     use super::*;
     use rollwalk_planner::motion::Motion;
     use rollwalk_planner::{Options as SolverOptions, optimise};
+    use rollwalk_robot::JointRatio;
     use std::ops::ControlFlow;
+
+    /// The library and the command refuse the same robots.
+    #[test]
+    fn robots_without_a_servo_for_each_joint_are_refused() {
+        let robot = |name: &str, text: &str| Robot::from_toml(name, text).unwrap();
+        let mut pup = robot("pup", include_str!("../../../shipped/robots/pup.toml"));
+        assert_eq!(check(&pup), Ok(()));
+        let knee = pup.joints[1].name.clone();
+        pup.joints[1].actuator = Actuator::none();
+        assert_eq!(check(&pup), Err(RetargetError::Passive(knee.clone())));
+        pup.joints[1].motor_per_joint = vec![JointRatio { joint: 0, ratio: 1.0 }];
+        assert_eq!(check(&pup), Err(RetargetError::Coupled(knee)));
+    }
 
     /// Compares the derivatives of a rollout on servos that accept no speed of joints with differences.
     #[test]
@@ -243,9 +294,8 @@ mod tests {
             let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shipped");
             std::fs::read_to_string(format!("{root}/{path}.toml")).unwrap()
         };
-        let robot = |name: &str| {
-            rollwalk_robot::Robot::from_toml(name, &shipped(&format!("robots/{name}"))).unwrap()
-        };
+        let robot =
+            |name: &str| Robot::from_toml(name, &shipped(&format!("robots/{name}"))).unwrap();
         let agilebot = robot("agilebot");
         let motion = Motion::from_toml("duck", &shipped("motions/duck"), &agilebot).unwrap();
         let mut go_on = |_: &_| ControlFlow::Continue(());

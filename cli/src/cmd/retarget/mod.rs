@@ -5,10 +5,10 @@ mod plan;
 
 use crate::played;
 use indicatif::ProgressBar;
-use miette::miette;
+use miette::{Report, miette};
 use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
-use rollwalk_simulate::retarget::{Options, RetargetResult, retarget};
+use rollwalk_simulate::retarget::{self, Options, RetargetError, RetargetResult, retarget};
 use rollwalk_simulate::{Control, RunOutcome};
 use rollwalk_terminal::progress::Lines;
 use rollwalk_terminal::{Exit, interrupt};
@@ -92,24 +92,15 @@ struct Document<'a> {
     holds: bool,
 }
 
+fn refused(error: RetargetError) -> Report {
+    let help = "play the plan with feed-forward torques, which needs no corrections";
+    miette!(help = help, "{error}")
+}
+
 impl CorrectedPlan {
     /// Corrects a plan; returns `None` after Ctrl-C.
     fn find(plan: &Plan, args: &Args, feed_forward: bool) -> miette::Result<Option<Self>> {
-        if let Some(joint) = plan.robot.joints.iter().find(|joint| joint.is_coupled()) {
-            return Err(miette!(
-                help = "play the plan with feed-forward torques, which needs no corrections",
-                "the motor of joint `{}` is coupled (`motor_per_joint` or `linkage`), and setpoints \
-                 of such motors cannot be corrected",
-                joint.name
-            ));
-        }
-        if let Some(joint) = plan.robot.joints.iter().find(|joint| joint.is_passive()) {
-            return Err(miette!(
-                help = "play the plan with feed-forward torques, which needs no corrections",
-                "joint `{}` has no motor, and setpoints of robots with such joints cannot be corrected",
-                joint.name
-            ));
-        }
+        retarget::check(&plan.robot).map_err(refused)?;
         let control = if feed_forward { Control::FeedForward } else { Control::Servos };
         let options = Options {
             feed_forward,
@@ -130,6 +121,7 @@ impl CorrectedPlan {
             bar.tick();
             !interrupt::requested()
         });
+        let found = found.map_err(refused)?;
         bar.finish_and_clear();
         let after = match &found {
             Some(found) if !interrupt::requested() => played(&found.plan)?,

@@ -42,7 +42,7 @@ fn a_swizzle_on_soft_servos_makes_its_way_again() {
         iterations: 6,
         ..Options::default()
     };
-    let found = retarget(&plan, &options, |_| true).expect("it stays on its feet");
+    let found = retarget(&plan, &options, |_| true).unwrap().expect("it stays on its feet");
     let (before, after) = (share(&plan), share(&found.plan));
     assert!(before < 0.9 && (after - 1.0).abs() < 0.01, "{before} {after} {:?}", found.costs);
     assert!(found.largest_rad < 0.1, "{}", found.largest_rad);
@@ -50,8 +50,8 @@ fn a_swizzle_on_soft_servos_makes_its_way_again() {
     assert_eq!(largest.fold(0.0, |most: f64, c| most.max(c.abs())), found.largest_rad);
     found.plan.validate("retargeted").unwrap();
     // An interrupted search returns its present result: nothing, or the angles by which the planned torques deflect the servos.
-    assert!(retarget(&plan, &options, |_| false).is_none());
-    let first = retarget(&plan, &options, |rollout| rollout == 1).unwrap();
+    assert!(retarget(&plan, &options, |_| false).unwrap().is_none());
+    let first = retarget(&plan, &options, |rollout| rollout == 1).unwrap().unwrap();
     let of_sample = |sample: &Sample| {
         let joints = sample.joint_torque_nm.iter().zip(&plan.robot.joints);
         joints.map(|(torque, joint)| torque.abs() / joint.actuator.kp_nm_rad).fold(0.0, f64::max)
@@ -66,7 +66,7 @@ fn a_swizzle_on_soft_servos_makes_its_way_again() {
 fn a_motion_that_ends_does_so_at_rest() {
     let plan = soft("agilebot", "duck");
     let options = Options { feed_forward: false, rate_hz: 60, iterations: 2, ..Options::default() };
-    let found = retarget(&plan, &options, |_| true).expect("it stays on its feet");
+    let found = retarget(&plan, &options, |_| true).unwrap().expect("it stays on its feet");
     assert!(found.costs[found.costs.len() - 1] < 0.5 * found.costs[0], "{:?}", found.costs);
     let samples = &found.plan.samples;
     let last = samples.len() - 1;
