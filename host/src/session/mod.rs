@@ -216,7 +216,7 @@ impl<B: LinkBus> Session<B> {
         code: u8,
         speed_64ths: i8,
     ) -> Result<CommandAck, SessionError> {
-        self.command("play this code", Action::play(place, code, speed_64ths))
+        self.command("play the motion", Action::play(place, code, speed_64ths))
     }
 
     /// Pauses the motion.

@@ -132,7 +132,7 @@ fn an_unknown_code_changes_nothing() {
     assert_eq!(result, CommandResult::UnknownCode);
     assert_eq!(
         sentence,
-        "the controller refused to play this code: no motion of the active library has this code; \
+        "the controller refused to play the motion: no motion of the active library has this code; \
          `rollwalk library inspect` lists the codes"
     );
     session.run_for(200_000).unwrap();

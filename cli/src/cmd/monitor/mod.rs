@@ -202,7 +202,13 @@ fn listen(
         let deadline_us = end_us.min(silent_us.saturating_add(SILENCE_US));
         if let Some(frame) = bus.receive(deadline_us).map_err(down)? {
             if monitor.is_of_controller(&frame) {
-                silent_us = bus.now_us();
+                let was_silent = std::mem::replace(&mut silent_us, bus.now_us()) == u64::MAX;
+                if was_silent {
+                    output::print_line(format_args!(
+                        "controller {} sends frames again",
+                        monitor.node
+                    ));
+                }
             }
             monitor.take(since_1970_us(), &frame)?;
         }
@@ -253,7 +259,8 @@ impl Monitor<'_> {
 
     /// Error for a controller that sends nothing.
     fn silent(&self, bus: &impl LinkBus) -> SessionError {
-        SessionError::no_frames(self.node, bus, self.controllers.first().copied())
+        let other = self.controllers.iter().find(|other| **other != self.node);
+        SessionError::no_frames(self.node, bus, other.copied())
     }
 
     /// Reports that the controller sends nothing. A controller that was never heard is reported once.

@@ -8,7 +8,7 @@ use rollwalk_host::describe::{fault_report_on, state_words};
 use rollwalk_host::refusal::command_refusal;
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::faults::FaultBits;
+use rollwalk_protocol::faults::{Fault, FaultBits};
 use rollwalk_protocol::wire::{
     Action, ActuatorReadings, CommandResult, FaultReport, FromController, JointTelemetry, Node,
     State, Status, ToController,
@@ -19,6 +19,9 @@ use std::collections::BTreeMap;
 /// Interval between printed lines of the joints, µs.
 const JOINTS_PERIOD_US: u64 = 1_000_000;
 
+/// Time without an emergency stop after which the next one is printed, µs. Hosts send several until one is acknowledged.
+const STOPS_US: u64 = 1_000_000;
+
 /// Text output that prints changes.
 pub struct View<'a> {
     catalog: Option<&'a Catalog>,
@@ -28,6 +31,10 @@ pub struct View<'a> {
     start_us: u64,
     state: Option<State>,
     faults: FaultBits,
+    /// Faults whose reports were printed, with their channels. Controllers repeat reports once a second.
+    reported: Vec<(Fault, Option<u8>)>,
+    /// Times of the latest emergency stop and of its latest acknowledgement; `None` before.
+    stops_us: [Option<u64>; 2],
     clip: Option<u8>,
     /// Sequence number of the unanswered command, and the command.
     asked: Option<(u8, Action)>,
@@ -47,6 +54,8 @@ impl<'a> View<'a> {
             start_us,
             state: None,
             faults: FaultBits::default(),
+            reported: Vec::new(),
+            stops_us: [None; 2],
             clip: None,
             asked: None,
             measured: BTreeMap::new(),
@@ -68,7 +77,7 @@ impl<'a> View<'a> {
             && (to.number() == node || to == Node::BROADCAST)
         {
             match message {
-                ToController::Estop => self.print_event(at_us, "EMERGENCY STOP is sent")?,
+                ToController::Estop => self.stop(at_us, 0, "EMERGENCY STOP is sent")?,
                 // The command is printed together with its answer.
                 ToController::Command(command) => {
                     self.asked = Some((command.seq, command.action));
@@ -85,7 +94,7 @@ impl<'a> View<'a> {
             FromController::Status(status) => self.status(at_us, &status),
             FromController::FaultReport(report) => self.fault(at_us, &report),
             FromController::EstopAck(_) => {
-                self.print_event(at_us, "the emergency stop is acknowledged")
+                self.stop(at_us, 1, "the emergency stop is acknowledged")
             }
             FromController::CommandAck(ack) => {
                 let asked = self.asked.take().filter(|(seq, _)| *seq == ack.seq);
@@ -123,6 +132,8 @@ impl<'a> View<'a> {
             let state = state_words(status, &self.actuators);
             self.print_event(at_us, &format!("{state}{clip}"))?;
         }
+        let is_over = |fault: Fault| !status.faults.iter().any(|latched| latched == fault);
+        self.reported.retain(|(fault, _)| !is_over(*fault));
         if std::mem::replace(&mut self.faults, status.faults) != status.faults {
             self.print_event(
                 at_us,
@@ -132,11 +143,40 @@ impl<'a> View<'a> {
         Ok(())
     }
 
-    fn fault(&self, at_us: u64, report: &FaultReport) -> miette::Result<()> {
+    /// Prints a stop or its acknowledgement, unless it repeats an earlier one.
+    fn stop(&mut self, at_us: u64, which: usize, what: &str) -> miette::Result<()> {
+        let before_us = self.stops_us[which].replace(at_us);
+        match before_us.is_some_and(|before_us| at_us.saturating_sub(before_us) < STOPS_US) {
+            true => Ok(()),
+            false => self.print_event(at_us, what),
+        }
+    }
+
+    /// Prints a report that is not a repetition.
+    fn fault(&mut self, at_us: u64, report: &FaultReport) -> miette::Result<()> {
+        if self.repeats(report) {
+            return Ok(());
+        }
         let channel = report.channel.map(|channel| self.channel_name(channel));
         let FaultReport { fault, channel: number, value, .. } = *report;
         let described = fault_report_on(fault, number, channel, Some(value), &self.actuators);
+        // The line of all faults has the name already.
+        let is_named = self.faults.iter().any(|latched| latched == fault);
+        let name = fault_names_on(FaultBits::default().with(fault), &self.actuators);
+        if is_named && described == name {
+            return Ok(());
+        }
         self.print_event(at_us, &format!("fault: {described}"))
+    }
+
+    /// True if a report of this fault and channel was printed since the fault arose.
+    fn repeats(&mut self, report: &FaultReport) -> bool {
+        let of_report = (report.fault, report.channel);
+        let repeats = self.reported.contains(&of_report);
+        if !repeats {
+            self.reported.push(of_report);
+        }
+        repeats
     }
 
     /// Prints a warning when an actuator becomes too hot, has a wrong supply voltage, or fails otherwise.
@@ -279,6 +319,37 @@ mod tests {
         }
         let words = |channel| view.condition(&view.measured[&channel]).join(", ");
         assert_eq!([words(0), words(1), words(2)], ["", "did not answer", "waits for knee"]);
+    }
+
+    /// Controllers repeat the reports of a fault once a second until it is cleared.
+    #[test]
+    fn a_fault_is_reported_once_until_it_is_cleared() {
+        let mut view = View::new(None, false, false, 0);
+        let report = |channel| FaultReport {
+            counter: 0,
+            fault: Fault::ActuatorSilent,
+            channel: Some(channel),
+            value: 0.5,
+        };
+        let faults = |of: FaultBits| Status {
+            state: State::Damped,
+            severity: State::Damped.severity(of),
+            faults: of,
+            clip: None,
+            frame: 0,
+            counter: 0,
+            library: 0,
+        };
+        let silent = FaultBits::default().with(Fault::ActuatorSilent);
+        let [new, other] = [report(1), report(2)];
+        assert_eq!(
+            [&new, &new, &other, &new].map(|of| view.repeats(of)),
+            [false, true, false, true]
+        );
+        view.status(0, &faults(silent)).unwrap();
+        assert!(view.repeats(&new), "the fault is latched");
+        view.status(1, &faults(FaultBits::default())).unwrap();
+        assert!(!view.repeats(&new), "the fault was cleared");
     }
 
     /// A servo that becomes hot is reported once, and again after it has cooled.
