@@ -33,6 +33,17 @@ fn a_robot_with_a_link_key_obeys_those_who_have_it() {
     let send = || with_key(&["send", "--arm", "rest"]);
     once_more_when_late(send, || with_key(&["clear"])).succeeds();
     with_key(&["gains", "set", "all", "--kd", "1"]).succeeds();
+    // With the key the doctor reads gains, and without it leaves no entry about refused messages.
+    let gains = ["gains or limits differ from the robot file", "kd 1 instead of"];
+    let unread = "the controller shows them only to hosts with its link key";
+    let refusals = || {
+        let examined = with_key(&["doctor"]).succeeds();
+        assert!(gains.iter().all(|words| examined.contains(words)), "{examined}");
+        examined.matches("unauthenticated messages").count()
+    };
+    let before = refusals();
+    on(&desk, &bus, &["doctor"]).succeeds_with(0, &[unread]);
+    assert_eq!(refusals(), before);
     // Commands without need of a key accept one.
     for command in ["discover", "doctor", "estop"] {
         with_key(&[command]).succeeds();
