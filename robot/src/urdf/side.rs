@@ -154,12 +154,12 @@ fn axes(root: &Table<'_>) -> Option<(Option<usize>, Option<usize>)> {
     let (forward, up) = (read("forward"), read("up"));
     let (forward, up) = (forward?, up?);
     if forward.unwrap_or(0) / 2 == up.unwrap_or(4) / 2 {
-        root.fault(
-            "forward",
-            "is along `up`",
-            "not across",
-            "give two different axes of the root link",
-        );
+        let (key, problem) = match (forward, up) {
+            (Some(_), Some(_)) => ("forward", "is along `up`"),
+            (Some(_), None) => ("forward", "is along `up`, which is +z by default"),
+            (None, _) => ("up", "is along `forward`, which is +x by default"),
+        };
+        root.fault(key, problem, "not across", "give two different axes of the root link");
         return None;
     }
     Some((forward, up))

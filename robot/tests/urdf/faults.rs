@@ -225,6 +225,8 @@ fn side_files_that_do_not_fit() {
     side("rolling_resistance = 0.02", "", &["`rolling_resistance` is missing"]);
     side("nod = 0.3", "nod = 0.3\n[locks]", &["unknown key `locks`", "did you mean `lock`"]);
     refused(URDF, &format!("forward = \"+z\"\n{SIDE}"), &["`forward` is along `up`"]);
+    let words = ["`up` is along `forward`, which is +x by default"];
+    refused(URDF, &format!("up = \"-x\"\n{SIDE}"), &words);
     refused(URDF, &format!("forward = \"x\"\n{SIDE}"), &["cannot be \"x\"", "`+x`"]);
     refused(
         URDF,

@@ -3,6 +3,7 @@
 use super::warning::{CheckedRobot, RobotWarning};
 use crate::{Configuration, Frames};
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_robot::Joint;
 
 /// Largest distance between coincident axes, or of a contact on an axis from it, as a fraction of the robot's size.
 const SAME: f64 = 0.003;
@@ -14,9 +15,17 @@ const BENT_RAD: [f64; 2] = [0.3, -0.5];
 const CARRIES: f64 = 0.25;
 /// Minimum number of standing contacts for a warning about uneven forces.
 const MANY: usize = 4;
+/// Distance between a joint and the next joint or contact above which a link has a direction, as a fraction of the robot's
+/// size.
+const LONG: f64 = 0.08;
+/// Distance of a centre of mass behind its joint above which its sign is implausible, as a fraction of the distance to the next
+/// joint or contact.
+const BEHIND: f64 = 0.4;
 
 pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
     let mut warnings = axes(seen);
+    warnings.extend(dangling(seen));
+    warnings.extend(behind(seen));
     warnings.extend(ends(seen));
     warnings.extend(loads(seen));
     warnings
@@ -43,6 +52,52 @@ fn axes(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
         }
     }
     warnings
+}
+
+/// Warnings about joints beyond the contact of their limb, which move no contact. Arms and tails have no contact on the way to
+/// the body.
+fn dangling(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
+    let robot = seen.tree.robot();
+    let moves_contact = |joint: usize| {
+        let mut ends = robot.end_effectors.iter();
+        ends.any(|end| seen.tree.joints_to_link(end.link).contains(&joint))
+    };
+    let contact_before = |link: usize| {
+        let joints = seen.tree.joints_to_link(link);
+        let on_way = |of: usize| joints.iter().any(|&joint| robot.joints[joint].child == of);
+        robot.end_effectors.iter().find(|end| on_way(end.link))
+    };
+    let joints = robot.joints.iter().enumerate().filter(|(index, _)| !moves_contact(*index));
+    let warning = |(_, joint): (usize, &Joint)| {
+        let end = contact_before(joint.parent)?;
+        let text = format!(
+            "moves no contact, because end effector `{}` is on link `{}` before it; check `link` of \
+             the end effector",
+            end.name, robot.links[end.link].name
+        );
+        Some(RobotWarning::of("joint", &joint.name, text))
+    };
+    joints.filter_map(warning).collect()
+}
+
+/// Warnings about links whose centre of mass is behind their joint, seen from the next joint or contact.
+fn behind(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
+    let robot = seen.tree.robot();
+    let warning = |joint: &Joint| {
+        let (index, link) = (joint.child, &robot.links[joint.child]);
+        let next = robot.joints.iter().filter(|next| next.parent == index);
+        let next = next.map(|next| next.parent_from_joint.translation.vector);
+        let ends = robot.end_effectors.iter().filter(|end| end.link == index);
+        let tips: Vec<_> = next.chain(ends.map(|end| end.center_in_link_m)).collect();
+        // The direction of a link with several tips is not clear.
+        let [tip] = tips[..] else { return None };
+        let share = link.com_in_link_m.dot(&tip) / tip.norm_squared();
+        let is_behind = tip.norm() > LONG * seen.size_m && share < -BEHIND;
+        let text = "centre of mass is behind its joint, opposite to the next joint or contact; \
+            check the sign of `at_m` or `com_in_link_m`";
+        is_behind.then(|| RobotWarning::of("link", &link.name, text.to_owned()))
+    };
+    robot.joints.iter().filter_map(warning).collect()
 }
 
 /// Warnings about joints that do not move the contact at the end of their limb in any pose.

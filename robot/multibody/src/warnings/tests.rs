@@ -259,6 +259,30 @@ fn implausible_inertias_are_counted_wherever_the_frame_is() {
 }
 
 #[test]
+fn parts_beyond_the_contact_or_behind_the_joint_are_named() {
+    let has = |changes: &[(&str, &str)], words: &[&str]| {
+        let warnings = of(&table(changes));
+        let has_all = |warning: &&String| words.iter().all(|word| warning.contains(word));
+        assert!(warnings.iter().any(|warning| has_all(&warning)), "{words:?}: {warnings:#?}");
+    };
+    let on_thigh = ("link = \"*_shank\"", "link = \"*_thigh\"");
+    let words = ["`front_left_knee`", "moves no contact", "is on link `front_left_thigh`"];
+    has(&[on_thigh], &words);
+    let above = ("at_m = [0.0, 0.0, -0.08]", "at_m = [0.0, 0.0, 0.08]");
+    has(&[above], &["`front_left_shank`", "is behind its joint", "sign of `at_m`"]);
+}
+
+/// A driven wheel holds no angle.
+#[test]
+fn stiffness_of_a_wheel_is_named() {
+    let drive = "kp_nm_rad = 0.0";
+    assert!(PUP.contains(drive));
+    let warnings = of(&PUP.replace(drive, "kp_nm_rad = 12.0"));
+    let words = "`kp_nm_rad` of the wheel's actuator is 12 N·m/rad";
+    assert!(warnings.iter().any(|warning| warning.contains(words)), "{warnings:#?}");
+}
+
+#[test]
 fn a_joint_that_never_moves_its_contact_is_named() {
     // The knee rotates about the line from its origin to the foot, which would steer a wheel.
     let along = ("[0.0, 1.0, 0.0] # knee", "[0.0, 0.0, 1.0]");

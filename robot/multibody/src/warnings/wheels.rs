@@ -41,6 +41,17 @@ pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
             RobotWarning::of("end effector", name, text.to_owned())
         }));
     }
+    let held = robot.end_effectors.iter().filter_map(|end| {
+        let kp_nm_rad = end.contact.actuator()?.kp_nm_rad;
+        (kp_nm_rad > 0.0).then(|| {
+            let text = format!(
+                "`kp_nm_rad` of the wheel's actuator is {kp_nm_rad} N·m/rad, but a driven wheel \
+                 holds no angle; give it an actuator of its own with `kp_nm_rad = 0`"
+            );
+            RobotWarning::of("end effector", &end.name, text)
+        })
+    });
+    warnings.extend(held);
     for (index, (name, center, axis, radius_m)) in wheels.iter().enumerate() {
         for (other, other_center, _, other_radius_m) in &wheels[..index] {
             let apart = center - other_center;
