@@ -115,14 +115,16 @@ impl Designed {
         let of_motion = |place: &Location| {
             let stem = place.template.as_deref().unwrap_or_default();
             let motion = motions.iter().find(|motion| motion.stem() == stem);
-            let known = || motions.iter().map(MotionText::stem).collect::<Vec<_>>().join(", ");
+            let known = || motions.iter().map(MotionText::stem).collect::<Vec<_>>();
             let motion = motion.ok_or_else(|| NoEffect {
                 problem: format!("the design has no motion file `{stem}`"),
-                help: format!(
-                    "give one of the motion files {}, as in {}/duration_s",
-                    known(),
-                    stem
-                ),
+                help: match known()[..] {
+                    [] => "list the file in `motions`".to_owned(),
+                    [first, ..] => format!(
+                        "give one of the motion files {}, as in {first}/duration_s",
+                        known().join(", ")
+                    ),
+                },
             })?;
             number::value(&motion.document, &place.name)
         };

@@ -212,14 +212,17 @@ fn parameter(mut table: Table<'_>) -> Option<Parameter> {
     let given: Vec<Kind> = Kind::ALL.into_iter().filter(|kind| table.has(kind.key())).collect();
     let [kind] = given[..] else {
         let keys: Vec<&str> = Kind::ALL.iter().map(|kind| kind.key()).collect();
-        let problem = if given.is_empty() {
-            "belongs to a parameter that changes nothing"
-        } else {
-            "belongs \
-            to a parameter that changes several values"
-        };
         let help = format!("give exactly one of {}", keys.join(", "));
-        table.fault("name", problem, "one kind of change", help);
+        match given[..] {
+            [first, second, ..] => {
+                let problem = format_args!("stands beside `{}`", first.key());
+                table.fault(second.key(), problem, "one kind of change", help);
+            }
+            _ => {
+                let problem = "belongs to a parameter that changes nothing";
+                table.fault("name", problem, "one kind of change", help);
+            }
+        }
         return None;
     };
     let place = read_location(&table, kind);
@@ -245,6 +248,11 @@ fn parameter(mut table: Table<'_>) -> Option<Parameter> {
         let problem = format_args!("must be at least {STEP_LEAST}");
         let help = "give the smallest step that can be manufactured, or leave out the step";
         table.fault(step, problem, "no step", help);
+    }
+    let range = max_value - min_value;
+    if let Some(value) = step_given.filter(|value| range > 0.0 && *value > range) {
+        let problem = format_args!("is {value}, more than the range of {range:.6}");
+        table.fault(step, problem, "no second value", "give a smaller step, or leave it out");
     }
     Some(Parameter { name, place: place?, min: min_value, max: max_value, step: step_given })
 }

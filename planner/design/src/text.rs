@@ -368,6 +368,8 @@ fn no_effect(place: &Location, known: &[String]) -> NoEffect {
     let problem = format!("the robot has no `{template}{}` to change", place.name);
     let help = if known.is_empty() {
         "name a part of the robot file".into()
+    } else if place.template.is_none() && place.name.contains('*') {
+        format!("names with * belong to templates: write TEMPLATE/{}", place.name)
     } else {
         format!("give one of {}", known.join(", "))
     };

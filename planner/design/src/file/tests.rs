@@ -91,6 +91,17 @@ fn faults_say_what_would_be_right() {
         ),
         ("step_m = 0.001", "step_m = 0", "`step_m` must be at least 0.000001"),
         ("step_m = 0.001", "step_m = 1e-9", "`step_m` must be at least 0.000001"),
+        (
+            "step_m = 0.001",
+            "step_m = 1",
+            "`step_m` is 1, more than the range of 0.070000; give a smaller step",
+        ),
+        (
+            "mount = \"leg.y\"",
+            "mount = \"leg.y\"\nradius_of = \"leg/*\"",
+            "`radius_of` stands beside `mount`; give exactly one of length_of, joint, mount",
+        ),
+        ("leg/*_thigh", "*_thigh", "names with * belong to templates: write TEMPLATE/*_thigh"),
         ("weight = 0.5", "weight = -1", "`weight` is -1"),
         ("max_m = 0.12\n", "max_m = 0.12\n[repair]\npull = 0\n", "`pull` is 0"),
         ("max_m = 0.12\n", "max_m = 0.12\n[repair]\n", "`pull` is missing"),
