@@ -6,7 +6,8 @@
 //! | `/planned_joint_states` | `foxglove.JointStates` | at every status while a known library is played |
 //! | `/status`, `/fault`, `/readings`, `/command`, `/command_ack` | the message of that name | with each message |
 //!
-//! Messages are JSON, in rad, rad/s, N·m, °C and V. Readings also contain the name of the joint. The topic of planned states exists only if the library is known.
+//! Messages are JSON, in rad, rad/s, N·m, °C and V. Readings also contain the name of the joint. The topic of planned states
+//! exists only if the library is known.
 
 use crate::decode::{DecodedFrame, Value, decode};
 use crate::joints::{Joints, Reader, RobotContext};

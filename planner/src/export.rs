@@ -14,7 +14,7 @@ use thiserror::Error;
 
 /// Error of a rate outside the valid range.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("rate {rate_hz} Hz; expected a rate above 0 and up to {} Hz", Rate::MAX_HZ)]
+#[error("the rate is {rate_hz} Hz; expected a rate above 0 and up to {} Hz", Rate::MAX_HZ)]
 pub struct RateError {
     /// Requested rate, Hz.
     pub rate_hz: f64,

@@ -159,9 +159,9 @@ const REACH: &str = "a motion within the legs' reach, with shorter strides and l
 /// Advice on the change that would help to meet a constraint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Advice {
-    /// No advice.
+    /// Absence of advice.
     NoAdvice,
-    /// No change helps, for the given reason.
+    /// Reason why no change helps.
     Nothing(&'static str),
     /// A change of the motion or the robot.
     Change(&'static str),

@@ -287,7 +287,10 @@ fn check_motion_table(
 fn index(table: &Table<'_>, key: &'static str, name: &str, names: &[String]) -> Option<usize> {
     let found = names.iter().position(|known| known == name);
     if found.is_none() {
-        let help = alternatives(name, names.iter().map(String::as_str));
+        let help = match names {
+            [] => "add a [[motion]] with `name`, `file` and `code`".to_owned(),
+            _ => alternatives(name, names.iter().map(String::as_str)),
+        };
         table.fault(
             key,
             format_args!("names \"{name}\", which is not a motion of this library"),

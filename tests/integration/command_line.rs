@@ -41,7 +41,7 @@ fn the_console_needs_a_terminal_and_says_what_does_not() {
 #[test]
 fn a_wrong_command_line_exits_with_2() {
     let desk = desk();
-    for args in [&["paln"][..], &["plan"], &["demo", "--frob"], &["export", "x.json"]] {
+    for args in [&["paln"][..], &["plan"], &["demo", "--frob"], &["export", "x.json", "--rate"]] {
         let outcome = desk.run(args);
         assert_eq!(outcome.code, 2, "{args:?}: {}", outcome.stderr);
         assert!(outcome.stderr.contains("error:"), "{}", outcome.stderr);

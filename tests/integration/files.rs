@@ -228,13 +228,20 @@ fn what_has_no_end_is_no_input() {
         &["library", "inspect", "/dev/zero"],
         &["/dev/zero has more than 33554432 bytes"],
     );
-    fails_soon(&desk, &["report", "robots"], &["cannot read robots: it is a folder"]);
+    let folder = ["cannot read robots: it is a folder", "robots/agilebot.toml", "robot check"];
+    fails_soon(&desk, &["report", "robots"], &folder);
+    fails_soon(&desk, &["robot", "check", "robots"], &["give one of its files: robots/"]);
+    // The input is checked before the options that depend on it.
+    let missing = ["there is no motion file (TOML) at walk", "did you mean `motions/walk.toml`?"];
+    fails_soon(&desk, &["plan", "walk"], &missing);
+    fails_soon(&desk, &["export", "walk.json", "-o", "walk.x"], &["no plan (JSON) at walk.json"]);
     let made = Command::new("mkfifo").arg(desk.path("pipe")).status().unwrap();
     assert!(made.success());
     for (robot, words) in [
         ("/dev/zero", "it is a device"),
         ("../pipe", "it is a pipe"),
-        ("../robots", "it is a folder"),
+        ("../robots", "it is a folder, not a file with a robot file (TOML)"),
+        ("stand.toml", "names `stand.toml`, which is a motion file, not a robot file"),
     ] {
         desk.copy_folder(&checkout().join("shipped/motions"), "motions");
         desk.edit(STAND, "../robots/agilebot.toml", robot);

@@ -64,6 +64,7 @@ fn a_library_is_built_flashed_and_played_by_name_and_the_robot_is_stopped_and_cl
     assert!(again.stderr.contains("the previous recording is now"), "{}", again.stderr);
     let silent = ["controller 3 does not answer", "controller 1 is on this bus"];
     run(&["monitor", "--for", "1", "--node", "3"]).fails(5, &silent);
+    run(&["monitor", "--for=-3"]).fails(2, &["must be from 0 to 31536000"]);
     assert!(desk.read_text("run.log").contains(" sim0 310#"));
     assert!(desk.read("run.mcap").starts_with(b"\x89MCAP0\r\n"));
     drop(robot);

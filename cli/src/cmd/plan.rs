@@ -64,7 +64,7 @@ pub struct Args {
     #[arg(long, value_enum)]
     start: Option<StartChoice>,
     /// Random seed of the starting point; the same seed gives the same plan [default: 0].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..))]
     seed: Option<u64>,
     /// Plan of a similar motion to start from, such as of the same motion before an edit.
     #[arg(long, value_name = "PLAN.json", conflicts_with_all = ["start", "seed"])]
@@ -77,7 +77,7 @@ pub struct Args {
     #[arg(long, value_enum)]
     method: Option<MethodChoice>,
     /// Maximum number of iterations from each starting point [default: 300].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = iterations)]
     iterations: Option<NonZeroU32>,
     /// Keep the number of samples of the motion file. By default `plan` doubles it if a residual between the samples exceeds
     /// its tolerance, up to the maximum of a motion file, and up to twice if the motion misses its goals by a small amount in
@@ -96,6 +96,10 @@ pub struct Args {
     /// Print the outcome as JSON.
     #[arg(long)]
     json: bool,
+}
+
+fn iterations(text: &str) -> Result<NonZeroU32, String> {
+    text.parse().map_err(|_| format!("give a whole number from 1 to {}", u32::MAX))
 }
 
 /// Output of `--json`.

@@ -333,7 +333,9 @@ impl Source {
     /// Reads a file that the file at `path` contains as `named`.
     fn named(self, path: &Path, named: &str, kind: Kind) -> miette::Result<TextFile> {
         let text = self.text(&resolve_relative(path, named), PathSource::InFile { named }, kind);
-        text.wrap_err_with(|| format!("{} names `{named}`", path.display()))
+        let text = text.wrap_err_with(|| format!("{} names `{named}`", path.display()))?;
+        kind.expect_named(path, named, &text.text)?;
+        Ok(text)
     }
 
     fn text(self, path: &Path, named: PathSource<'_>, kind: Kind) -> miette::Result<TextFile> {

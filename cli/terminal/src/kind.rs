@@ -349,6 +349,18 @@ impl Kind {
         })
     }
 
+    /// Rejects the text of a file that the file at `path` names, if it looks like another kind.
+    ///
+    /// # Errors
+    /// Returns an error if the text is recognised as another kind.
+    pub fn expect_named(self, path: &Path, named: &str, text: &str) -> miette::Result<()> {
+        Self::of(text).filter(|found| *found != self).map_or(Ok(()), |found| {
+            let (path, found, wanted) = (path.display(), found.name(), self.name());
+            let help = format!("name {wanted} there");
+            Err(miette!(help = help, "{path} names `{named}`, which is {found}, not {wanted}"))
+        })
+    }
+
     /// Rejects a text that the studio cannot edit. A TOML file that cannot be parsed is accepted, because it may be a document
     /// with a mistake.
     ///
@@ -409,6 +421,16 @@ mod tests {
         assert_eq!(error.to_string(), "a.side.toml is a side file, not a robot file");
         let help = "use a side file with `rollwalk robot import --with`";
         assert_eq!(error.help().unwrap().to_string(), help);
+    }
+
+    #[test]
+    fn a_named_file_of_another_kind_is_reported_with_the_file_that_names_it() {
+        let named = |text| Kind::Robot.expect_named("walk.toml".as_ref(), "../trot.toml", text);
+        assert!(named("[[link]]\n").is_ok());
+        let error = named("name = \"trot\"\n[footfalls]\n").unwrap_err();
+        let words = "walk.toml names `../trot.toml`, which is a motion file, not a robot file";
+        assert_eq!(error.to_string(), words);
+        assert_eq!(error.help().unwrap().to_string(), "name a robot file there");
     }
 
     #[test]

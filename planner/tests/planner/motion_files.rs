@@ -353,6 +353,14 @@ fn every_kind_of_mistake_in_a_library_file_is_named() {
             "did you mean `stand`?",
         )],
     );
+    let empty = "name = \"empty\"\nrobot = \"agilebot.toml\"\nsafe = \"stand\"\n";
+    assert_faults(
+        LibraryFile::from_toml("l.toml", empty, &robot),
+        &[
+            (1, "`motion` has 0 tables", "write 1 to 32 [[motion]] tables"),
+            (3, "names \"stand\", which is not a motion", "add a [[motion]]"),
+        ],
+    );
     assert_faults(
         break_it("code = 4", "code = 2"),
         &[(line("code = 4"), "code 2 already selects `drive_1m`", "its own code, 1 to 255")],

@@ -10,7 +10,7 @@ mod tests;
 
 use clap::ValueEnum;
 use conductor::Conductor;
-use miette::{IntoDiagnostic, miette};
+use miette::{IntoDiagnostic, Report, miette};
 use rollwalk_bus::port::LiveLink;
 use rollwalk_host::listener;
 use rollwalk_host::operator::Operator;
@@ -28,7 +28,7 @@ use rollwalk_terminal::{Exit, files, inputs};
 use rollwalk_tracking::tracker::{KD_PART, KP_PART};
 use route::Play;
 use std::ops::RangeInclusive;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Control in closed loop: play motions on a robot, or track a plan for another simulator.
 ///
@@ -101,6 +101,17 @@ fn latency_ms(text: &str) -> Result<f64, String> {
     inputs::number_within(text, 0.0..=LATENCY_MAX_MS)
 }
 
+/// Error for a file that is not a plan, without a bus.
+fn of_no_bus(file: &Path) -> Report {
+    inputs::expect(file, Kind::Library).err().unwrap_or_else(|| {
+        miette!(
+            help = "give the bus of the robot with --bus, or a plan (JSON) for another simulator",
+            "{} is not a plan, and --bus is missing",
+            file.display()
+        )
+    })
+}
+
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     // A plan is JSON.
@@ -129,11 +140,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             beside::run(&args.file, feedback, timing)
         }
         (Some(link), false) => on_robot(args, &link),
-        (None, false) => Err(miette!(
-            help = "give the bus of the robot with --bus, or a plan (JSON) for another simulator",
-            "{} is not a plan, and --bus is missing",
-            args.file.display()
-        )),
+        (None, false) => Err(of_no_bus(&args.file)),
         (_, true) => Err(miette!(
             help = "give the library file (TOML) that contains the motions",
             "--play requires a library file, but {} is a plan",
@@ -245,7 +252,7 @@ pub(super) fn check(robot: &Robot) -> miette::Result<()> {
     }
 }
 
-fn no_encoder(robot: &Robot, wheel: &str) -> miette::Report {
+fn no_encoder(robot: &Robot, wheel: &str) -> Report {
     miette!(
         help = "play its motions without feedback, with `rollwalk send` or `rollwalk console`",
         "wheel `{wheel}` of {} turns freely without an encoder, so the state of the robot cannot \

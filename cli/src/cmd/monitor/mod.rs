@@ -19,7 +19,7 @@ use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::wire::FromController;
 use rollwalk_robot::{Robot, Solid};
 use rollwalk_terminal::files::{Lines, Output, RotationArgs};
-use rollwalk_terminal::inputs::Source;
+use rollwalk_terminal::inputs::{self, Source};
 use rollwalk_terminal::link::names::NamesArgs;
 use rollwalk_terminal::link::{Interruptible, LinkArgs, report_lost_bus};
 use rollwalk_terminal::validated_library::ValidatedLibrary;
@@ -32,6 +32,9 @@ use view::View;
 
 /// Silence after which the monitor reports it, µs.
 const SILENCE_US: u64 = 2_000_000;
+
+/// Maximum duration of `--for`, s: a year.
+const SECONDS_MAX: f64 = 31_536_000.0;
 
 /// Print a robot's states, motions, commands and faults as they arrive; write logs and telemetry.
 ///
@@ -72,11 +75,15 @@ pub struct Args {
     #[command(flatten)]
     live: LiveArgs,
     /// End after the given number of seconds.
-    #[arg(long = "for", value_name = "SECONDS")]
+    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
     seconds: Option<f64>,
     /// Print a JSON object for each frame.
     #[arg(long)]
     json: bool,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    inputs::number_within(text, 0.0..=SECONDS_MAX)
 }
 
 /// Frame in the output of `--json`.

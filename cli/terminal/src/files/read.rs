@@ -86,12 +86,13 @@ pub fn read_by(
         identity::record_input(file, path, kind);
         return Ok((bytes, kind));
     }
-    if found.is_dir() && named == PathSource::ByUser {
-        return Err(missing::given_folder(path.to_owned(), kind_of(&[])));
-    }
     if named != PathSource::ByUser {
         let (kind, found) = (kind_of(&[]), word_for(found.file_type()));
-        return Err(FileError::NotAFile { kind, path: path.to_owned(), found, help: None });
+        let help = Some(format!("name a {kind} there"));
+        return Err(FileError::NotAFile { kind, path: path.to_owned(), found, help });
+    }
+    if found.is_dir() {
+        return Err(missing::given_folder(path.to_owned(), kind_of(&[])));
     }
     stream(path, &kind_of, PATIENCE)
 }
