@@ -64,10 +64,10 @@ impl Refusing {
                     self.operator.on_frame(self.now_us, &reply.encode(node()));
                 }
                 ToController::Command(command) => self.refuse(command),
-                ToController::Transport => {
-                    if self.controller.on_frame(frame.data(), self.now_us) == Event::Received {
-                        self.introduce();
-                    }
+                ToController::Transport
+                    if self.controller.on_frame(frame.data(), self.now_us) == Event::Received =>
+                {
+                    self.introduce();
                 }
                 _ => {}
             }
