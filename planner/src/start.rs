@@ -69,8 +69,8 @@ const SEED_STRIDE: u64 = 1000;
 /// - On free wheels that can be steered, it tries two random swings, then standing.
 /// - Otherwise, it tries standing, then small random swings and a large one. For motions with steps, the warm start is last,
 ///   because it takes longest.
-/// - On free wheels and skates, whose strokes are hardly found otherwise, [`Start::Coarse`] replaces the first of these starts, and
-///   falls back to it. With many samples it is also the second candidate of other motions.
+/// - On free wheels and skates, whose strokes are hardly found otherwise, [`Start::Coarse`] replaces the first of these starts,
+///   and falls back to it. With many samples it is also the second candidate of other motions.
 /// - If obstacles are in the path, the paths round them precede all of these.
 pub(crate) fn in_order(
     robot: &Robot,

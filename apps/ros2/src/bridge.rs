@@ -405,7 +405,7 @@ impl<'a> Bridge<'a> {
         self.operated.operator.notify(now_us, Weight::Refused, text);
     }
 
-    /// If `wanted`, returns the robot to SAFE and then ends the node. A driven robot stops first. Without contact to the robot,
+    /// Returns the robot to SAFE and then ends the node, if `wanted`. A driven robot stops first. Without contact to the robot,
     /// the node ends at once.
     fn leave_if(&mut self, wanted: bool) {
         let now_us = self.operated.now_us();

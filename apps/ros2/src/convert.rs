@@ -299,7 +299,7 @@ mod tests {
             assert_eq!(find(&status[1], "bus"), "sim");
         }
         // Servos report readings and have limits.
-        let mut operator = operator(State::Playing, none, Severity::None);
+        let mut warm = operator(State::Playing, none, Severity::None);
         let joint = JointTelemetry {
             channel: 0,
             position_rad: 0.0,
@@ -307,16 +307,16 @@ mod tests {
             torque_nm: 0.0,
             status: ActuatorStatus(0),
         };
-        operator.on_frame(1_000, &joint.encode(node()));
-        assert_eq!(of(&operator.view(2_000)).len(), 2);
+        warm.on_frame(1_000, &joint.encode(node()));
+        assert_eq!(of(&warm.view(2_000)).len(), 2);
         for (temperature_c, level, message) in [
             (40.0, Level::Ok, "no warning"),
             (66.0, Level::Warn, "hip: 66 °C; its torque goes off at 70 °C"),
         ] {
             let (temperature_c, voltage_v) = (Some(temperature_c), Some(5.0));
             let readings = ActuatorReadings { channel: 0, temperature_c, voltage_v };
-            operator.on_frame(1_000, &readings.encode(node()));
-            let status = &of(&operator.view(2_000))[2];
+            warm.on_frame(1_000, &readings.encode(node()));
+            let status = &of(&warm.view(2_000))[2];
             assert_eq!((status.level, &*status.message), (level, message));
             assert_eq!(find(status, "hip"), reading_words(&readings));
         }

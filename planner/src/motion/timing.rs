@@ -16,7 +16,7 @@ const WIDEST_BOUNDS: [f64; 2] = [0.25, 4.0];
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FreeTimes {
-    /// No times: duration and footfalls are those of the file.
+    /// Duration and footfalls of the file.
     #[default]
     Given,
     /// Duration of the whole motion. Stances and swings keep their shares of it.

@@ -226,8 +226,9 @@ pub(super) fn placed(mass: MassProperties, pose: &Isometry3<f64>) -> MassPropert
 
 /// Inertia nearest to the given one that a rigid body can have, with some slack, and a description of the change.
 ///
-/// Moments of (nearly) 0 are raised to m·(1 mm)². While the largest moment exceeds the sum of the others minus the slack, it loses
-/// a third of this excess, and each of the others gains a third. This is the smallest change of the tensor that keeps its axes.
+/// Moments of (nearly) 0 are raised to m·(1 mm)². While the largest moment exceeds the sum of the others minus the slack, it
+/// loses a third of this excess, and each of the others gains a third. This is the smallest change of the tensor that keeps its
+/// axes.
 fn physical(mass_kg: f64, inertia: &Matrix3<f64>) -> (Matrix3<f64>, Option<String>) {
     let symmetric = (inertia + inertia.transpose()) * 0.5;
     let eigen = symmetric.symmetric_eigen();
