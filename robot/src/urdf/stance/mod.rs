@@ -44,7 +44,7 @@ pub(super) struct Tip {
     pub body: usize,
     pub center_m: Vector3<f64>,
     pub radius_m: f64,
-    /// For the middle of a sole, the rotation in its body from axes in which the sole lies flat and points forward.
+    /// Rotation in the body from axes in which a sole lies flat and points forward, for the middle of a sole.
     pub body_from_level: Option<UnitQuaternion<f64>>,
 }
 
