@@ -25,7 +25,7 @@ const PART_OF_TIP: f64 = 0.1;
 const GROUND_SHARE: f64 = 0.1;
 /// Smallest depth of the top of a foot's sole below the body's joint, as a fraction of the depth of the ground.
 const SOLE_SHARE: f64 = 0.5;
-/// Height above the ground of a guessed box of the body that is shortened, as a fraction of the height of its top.
+/// Height above the ground of a guessed shape that is shortened, as a fraction of the height of its top.
 const BODY_ROOM: f64 = 0.1;
 /// Largest plausible size of the box of an inertia, as a multiple of the robot's size.
 const BOX_MAX: f64 = 5.0;
@@ -72,7 +72,7 @@ pub(super) fn shapes(
                 }
                 let guess = guess
                     .and_then(|shape| tips.iter().try_fold(shape, |shape, tip| behind(shape, tip)));
-                shapes.extend(guess.and_then(|shape| above(shape, ground_m)));
+                shapes.extend(guess.and_then(|shape| above(shape, &poses[index], ground_m)));
                 meshes.push(link);
             }
         }
@@ -172,15 +172,33 @@ fn behind(shape: Shape, tip: &Tip) -> Option<Shape> {
     Some(Shape::Capsule { from_in_link_m: far, to_in_link_m, radius_m })
 }
 
-/// Shortens a guessed box of the body that reaches into the ground. Returns `None` for a box below the ground.
-fn above(shape: Shape, ground_m: f64) -> Option<Shape> {
-    let Shape::Box { mut center_in_link_m, mut size_m } = shape else { return Some(shape) };
-    let [bottom_m, top_m] = [-0.5, 0.5].map(|share| center_in_link_m.z + share * size_m.z);
-    if bottom_m < ground_m {
-        let bottom_m = ground_m + BODY_ROOM * (top_m - ground_m);
-        (center_in_link_m.z, size_m.z) = (0.5 * (top_m + bottom_m), top_m - bottom_m);
+/// Shortens a guessed shape that reaches into the ground in the nominal pose. Returns `None` for a shape below the ground.
+fn above(shape: Shape, pose: &Isometry3<f64>, ground_m: f64) -> Option<Shape> {
+    let room_m = |top_m: f64| BODY_ROOM * (top_m - ground_m);
+    match shape {
+        Shape::Box { mut center_in_link_m, mut size_m } => {
+            let [bottom_m, top_m] = [-0.5, 0.5].map(|of| center_in_link_m.z + of * size_m.z);
+            if bottom_m < ground_m {
+                let bottom_m = ground_m + room_m(top_m);
+                (center_in_link_m.z, size_m.z) = (0.5 * (top_m + bottom_m), top_m - bottom_m);
+            }
+            (size_m.z > 0.0).then_some(Shape::Box { center_in_link_m, size_m })
+        }
+        Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } => {
+            let height_m = |end: &Vector3<f64>| (pose * Point3::from(*end)).z;
+            let mut ends = [from_in_link_m, to_in_link_m];
+            ends.sort_by(|a, b| height_m(a).total_cmp(&height_m(b)));
+            let [low, high] = ends;
+            let [low_m, high_m] = ends.each_ref().map(height_m);
+            if low_m - radius_m >= ground_m {
+                return Some(shape);
+            }
+            let least_m = ground_m + room_m(high_m + radius_m) + radius_m;
+            let kept = (high_m - least_m) / (high_m - low_m);
+            let to_in_link_m = high + (low - high) * kept;
+            (kept > 0.0).then_some(Shape::Capsule { from_in_link_m: high, to_in_link_m, radius_m })
+        }
     }
-    (size_m.z > 0.0).then_some(Shape::Box { center_in_link_m, size_m })
 }
 
 /// Capsule with ends at ± `half` in the frame of `pose`.
@@ -329,12 +347,16 @@ mod tests {
     }
 
     #[test]
-    fn a_guessed_box_of_the_body_ends_above_the_ground() {
+    fn guessed_shapes_end_above_the_ground() {
         let of = |from: f64, to: f64| Shape::Box {
             center_in_link_m: Vector3::new(0.1, 0.0, 0.5 * (from + to)),
             size_m: Vector3::new(0.3, 0.2, to - from),
         };
-        let cut = |from: f64, to: f64, ground_m: f64| match above(of(from, to), ground_m) {
+        let cut = |from: f64, to: f64, ground_m: f64| match above(
+            of(from, to),
+            &Isometry3::identity(),
+            ground_m,
+        ) {
             Some(Shape::Box { center_in_link_m, size_m }) => {
                 let half_m = 0.5 * size_m.z;
                 Some([center_in_link_m.z - half_m, center_in_link_m.z + half_m])
@@ -343,10 +365,25 @@ mod tests {
         };
         let [bottom_m, top_m] = cut(-0.01, 0.19, -0.01).unwrap();
         assert!((bottom_m - 0.01).abs() < 1e-12 && (top_m - 0.19).abs() < 1e-12);
-        assert_eq!(above(of(0.1, 0.2), 0.0), Some(of(0.1, 0.2)));
+        let body = Isometry3::identity();
+        assert_eq!(above(of(0.1, 0.2), &body, 0.0), Some(of(0.1, 0.2)));
         assert_eq!(cut(-0.2, -0.1, -0.05), None);
         // A robot without feet has no ground.
-        assert_eq!(above(of(-0.2, 0.3), f64::NEG_INFINITY), Some(of(-0.2, 0.3)));
+        assert_eq!(above(of(-0.2, 0.3), &body, f64::NEG_INFINITY), Some(of(-0.2, 0.3)));
+        // A shank in a body that is turned by half a turn, so that it hangs from z = 0 to z = -0.42.
+        let turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), PI);
+        let hanging = Isometry3::from_parts(Vector3::zeros().into(), turn);
+        let line = |to: f64| Shape::Capsule {
+            from_in_link_m: Vector3::new(0.0, 0.0, -0.05),
+            to_in_link_m: Vector3::new(0.0, 0.0, to),
+            radius_m: 0.02,
+        };
+        let Some(Shape::Capsule { to_in_link_m, .. }) = above(line(0.4), &hanging, -0.4) else {
+            panic!()
+        };
+        assert!((to_in_link_m.z - (0.4 - 0.1 * 0.47 - 0.02)).abs() < 1e-12, "{to_in_link_m}");
+        assert_eq!(above(line(0.37), &hanging, -0.4), Some(line(0.37)));
+        assert_eq!(above(line(0.4), &hanging, 0.2), None);
     }
 
     #[test]
