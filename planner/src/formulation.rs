@@ -243,21 +243,22 @@ impl<'a> System<'a> {
             problem.differentiate(&mut states);
         }
         let mut out = RowWriter::new(problem, columns, unknowns, &states, known, wanted, reuse);
-        let mut write = |term: &dyn Term, at: [usize; 3]| {
-            out.enter(term.info().family, at);
-            let swing_force_n = &selection.swing_force_n;
-            let window = Window { problem, at, states: at.map(|t| &states[t]), swing_force_n };
-            term.write(&window, &mut out);
+        let window = |at| Window::new(problem, at, &states, &selection.swing_force_n);
+        let mut write = |term: &dyn Term, window: &Window<'_>| {
+            out.enter(term.info().family, window.at);
+            term.write(window, &mut out);
         };
         let active = || TERMS.iter().filter(|term| selection.families.contains(term.info().family));
         // Window by window, so that the part of the normal equations for the rows of a window stays in cache.
         for t in 1..states.len() - 1 {
+            let window = window([t - 1, t, t + 1]);
             for term in active().filter(|term| covers(problem, term.info().span, t)) {
-                write(*term, [t - 1, t, t + 1]);
+                write(*term, &window);
             }
         }
+        let ends = window([0, 1, problem.last()]);
         for term in active().filter(|term| term.info().span == Span::Ends) {
-            write(*term, [0, 1, problem.last()]);
+            write(*term, &ends);
         }
         fits.set(fits.get() && out.fits());
         let (rows, found) = out.finish();

@@ -15,6 +15,7 @@ use crate::problem::state::State;
 use crate::problem::{Problem, Unknowns};
 use nalgebra::Vector3;
 use rollwalk_robot::Robot;
+use std::cell::OnceCell;
 use std::mem::discriminant;
 use std::sync::Arc;
 
@@ -220,9 +221,22 @@ pub struct Window<'a> {
     pub states: [&'a State; 3],
     /// Required forces of feet in swing, `[timeline sample][end effector]`, N. Empty if all are zero.
     pub swing_force_n: &'a [Vec<Vector3<f64>>],
+    /// Torques of the motors of joints at the middle sample, N·m. Several families limit them.
+    pub motor_torques_nm: Vec<OnceCell<f64>>,
 }
 
-impl Window<'_> {
+impl<'a> Window<'a> {
+    /// Creates a window around the middle one of three timeline samples.
+    pub fn new(
+        problem: &'a Problem,
+        at: [usize; 3],
+        states: &'a [State],
+        swing_force_n: &'a [Vec<Vector3<f64>>],
+    ) -> Self {
+        let motor_torques_nm = vec![OnceCell::new(); problem.model.robot().joints.len()];
+        Self { problem, at, states: at.map(|t| &states[t]), swing_force_n, motor_torques_nm }
+    }
+
     /// Contact flag of end effector `j` in sample `k` of the window.
     pub fn stance(&self, k: usize, j: usize) -> bool {
         self.problem.stance[self.at[k]][j]

@@ -53,6 +53,18 @@ struct Rotor {
 }
 
 impl<'w> MotorTorque<'w> {
+    /// Returns the torque of the motor of joint `motor`, N·m, with its derivative if the next row needs that.
+    ///
+    /// The window keeps torques without derivative, because the torque-speed line limits the same torques as this family.
+    pub fn for_row(window: &'w Window<'w>, motor: usize, out: &RowWriter) -> (f64, Option<Self>) {
+        if out.differentiates() {
+            let torque = Self::new(window, motor);
+            return (torque.value_nm, Some(torque));
+        }
+        let torque_nm = &window.motor_torques_nm[motor];
+        (*torque_nm.get_or_init(|| Self::new(window, motor).value_nm), None)
+    }
+
     /// Computes the torque of the motor of joint `motor`. Feet in swing carry no force.
     pub fn new(window: &'w Window<'w>, motor: usize) -> Self {
         let tree = window.problem.model.tree();
@@ -90,6 +102,9 @@ impl<'w> MotorTorque<'w> {
 /// Derivative of A⁻ᵀ τ with respect to joint angles at constant τ: −A⁻ᵀ dAᵀ A⁻ᵀ τ. Entries are joints and N·m/rad.
 fn by_ratios(ratios: &Ratios, motor: usize, window: &Window) -> Vec<(usize, f64)> {
     let mut entries = Vec::new();
+    if ratios.motor_rad(motor).is_none() {
+        return entries; // All ratios are constant.
+    }
     let factors = ratios.torque_factors(motor);
     for other in 0..window.problem.model.robot().joints.len() {
         let bends = ratios.bends(other);
@@ -397,11 +412,13 @@ impl Term for JointTorque {
             if out.skips_row() {
                 continue;
             }
-            let torque = MotorTorque::new(window, j);
-            torque.differentiate(torque.value_nm.signum(), out);
+            let (torque_nm, derivative) = MotorTorque::for_row(window, j, out);
+            if let Some(derivative) = derivative {
+                derivative.differentiate(torque_nm.signum(), out);
+            }
             let usable = window.problem.reserve.torque_use;
             out.given("torque_max_nm", limit, -usable);
-            out.row_of(Subject::Joint(j), torque.value_nm.abs() - usable * limit);
+            out.row_of(Subject::Joint(j), torque_nm.abs() - usable * limit);
         }
     }
 }
@@ -427,10 +444,7 @@ mod tests {
         let force = problem.layout.end_effectors[0].force;
         unknowns.slots[0].fixed_rows_mut::<3>(force).copy_from(&force_n);
         let states = problem.states(&unknowns);
-        let at = [0, 1, 2];
-        let window =
-            Window { problem: &problem, at, states: at.map(|t| &states[t]), swing_force_n: &[] };
-        MotorTorque::new(&window, 0).value_nm
+        MotorTorque::new(&Window::new(&problem, [0, 1, 2], &states, &[]), 0).value_nm
     }
 
     #[test]

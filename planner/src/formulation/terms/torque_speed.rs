@@ -32,14 +32,15 @@ impl Term for TorqueSpeed {
             if out.skips_row() {
                 continue;
             }
-            let torque = MotorTorque::new(window, j);
+            let (torque_nm, derivative) = MotorTorque::for_row(window, j, out);
             let speed_rad_s = motor_motion::mean_speed(window, [0, 2], j, 2.0 * h);
-            let used =
-                torque.value_nm / line.stall_torque_nm + speed_rad_s / line.no_load_speed_rad_s;
-            let sign = used.signum();
-            torque.differentiate(sign / line.stall_torque_nm, out);
-            let d_angle = sign / line.no_load_speed_rad_s / (2.0 * h);
-            motor_motion::differentiate(window, [0, 2], j, d_angle, out);
+            let used = torque_nm / line.stall_torque_nm + speed_rad_s / line.no_load_speed_rad_s;
+            if let Some(derivative) = derivative {
+                let sign = used.signum();
+                derivative.differentiate(sign / line.stall_torque_nm, out);
+                let d_angle = sign / line.no_load_speed_rad_s / (2.0 * h);
+                motor_motion::differentiate(window, [0, 2], j, d_angle, out);
+            }
             out.row_of(Subject::Joint(j), used.abs() - 1.0);
         }
         for (j, ee) in robot.end_effectors.iter().enumerate() {
