@@ -3,8 +3,9 @@
 use super::{PlanSpline, Spline};
 use crate::motion::Ends;
 use nalgebra::{DVector, Vector3};
-use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
+use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS, Pose};
 use rollwalk_multibody::{State, Tree, rotation};
+use std::cell::OnceCell;
 
 /// Pose, velocity and acceleration of the robot.
 pub(crate) struct Rates {
@@ -47,8 +48,9 @@ impl PlanSpline {
         acceleration.extend(d_turn.iter());
         velocity.extend(pose[4..].iter().map(|jet| jet.rate.re));
         acceleration.extend(pose[4..].iter().map(|jet| jet.acceleration.re));
+        let carried = CarriedWheels::default();
         for wheel in tree.wheels() {
-            let (speed, d_speed) = self.wheel_against_link(wheel.end_effector, time_s);
+            let (speed, d_speed) = self.wheel_against_link(wheel.end_effector, time_s, &carried);
             velocity.push(speed);
             acceleration.push(d_speed);
         }
@@ -83,7 +85,7 @@ impl PlanSpline {
     }
 
     /// Speed and acceleration of a wheel relative to its link, about the axis in the robot file, rad/s and rad/s².
-    fn wheel_against_link(&self, j: usize, time_s: f64) -> (f64, f64) {
+    fn wheel_against_link(&self, j: usize, time_s: f64, carried: &CarriedWheels) -> (f64, f64) {
         let of = |spline: &Spline| {
             let jet = spline.at(time_s);
             (jet.rate.re, jet.acceleration.re)
@@ -94,20 +96,30 @@ impl PlanSpline {
         // Spin of a free wheel relative to the ground without the rotation of its link. Its derivative is numerical, because no
         // motor drives it, and its gyroscopic moment is small.
         const STEP_S: f64 = 1e-4;
-        let carried = |time_s: f64| {
-            let jets: Vec<_> = self.pose.iter().map(|spline| spline.at(time_s)).collect();
-            let xy = self.base_xy.at(time_s).value;
-            let mut q = DVector::zeros(self.model.dofs());
-            q[BASE_POSITION] = xy.re;
-            q[BASE_POSITION + 1] = xy.im;
-            q[BASE_POSITION + 2] = jets[0].value.re;
-            (0..3).for_each(|k| q[BASE_YAW + k] = jets[1 + k].value.re);
-            jets[4..].iter().enumerate().for_each(|(k, jet)| q[JOINTS + k] = jet.value.re);
-            let rates: Vec<f64> = jets.iter().map(|jet| jet.rate.re).collect();
-            self.spin_with_link(j, &self.model.pose(&q).end_effectors[j], &rates)
-        };
+        let at = [time_s, time_s + STEP_S, time_s - STEP_S];
+        let moments = carried.0.get_or_init(|| at.map(|time_s| self.pose_and_rates(time_s)));
+        let [here, after, before] = moments
+            .each_ref()
+            .map(|(pose, rates)| self.spin_with_link(j, &pose.end_effectors[j], rates));
         let (spin, d_spin) = of(&self.wheel_angle[j]);
-        let change = carried(time_s + STEP_S) - carried(time_s - STEP_S);
-        (spin - carried(time_s), d_spin - change / (2.0 * STEP_S))
+        (spin - here, d_spin - (after - before) / (2.0 * STEP_S))
+    }
+
+    /// Pose, and rates of the pose splines.
+    fn pose_and_rates(&self, time_s: f64) -> (Pose, Vec<f64>) {
+        let jets: Vec<_> = self.pose.iter().map(|spline| spline.at(time_s)).collect();
+        let xy = self.base_xy.at(time_s).value;
+        let mut q = DVector::zeros(self.model.dofs());
+        q[BASE_POSITION] = xy.re;
+        q[BASE_POSITION + 1] = xy.im;
+        q[BASE_POSITION + 2] = jets[0].value.re;
+        (0..3).for_each(|k| q[BASE_YAW + k] = jets[1 + k].value.re);
+        jets[4..].iter().enumerate().for_each(|(k, jet)| q[JOINTS + k] = jet.value.re);
+        (self.model.pose(&q), jets.iter().map(|jet| jet.rate.re).collect())
     }
 }
+
+/// Poses with their rates at a time, shortly after and shortly before it, from which the links of free wheels turn. All free
+/// wheels share them.
+#[derive(Default)]
+struct CarriedWheels(OnceCell<[(Pose, Vec<f64>); 3]>);
