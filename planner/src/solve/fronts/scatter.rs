@@ -59,9 +59,7 @@ impl ScatterMap {
         front_of: &[usize],
         fronts: &[Front],
     ) -> Option<Self> {
-        let mut at: Vec<usize> = rows.iter().copied().flatten().map(|&c| position[c]).collect();
-        at.sort_unstable();
-        at.dedup();
+        let at = positions(rows, position);
         let entry = |&column: &usize| at.partition_point(|&at| at < position[column]) as u32;
         let entries = rows.iter().copied().flatten().map(entry).collect();
         if rows.len() == 1 && at.len() <= FEW {
@@ -133,6 +131,26 @@ impl ScatterMap {
             _ => simd.dispatch(Products { places: self, factors, panels, sorted }),
         }
     }
+}
+
+/// Returns the positions of all columns of rows, ascending. A row contains each column once, and the rows share most of them, so
+/// that mostly only those of the first need a sort.
+fn positions(rows: &[&[usize]], position: &[usize]) -> Vec<usize> {
+    let Some((first, others)) = rows.split_first() else { return Vec::new() };
+    let mut at: Vec<usize> = first.iter().map(|&column| position[column]).collect();
+    at.sort_unstable();
+    for row in others {
+        let known = at.len();
+        for &column in *row {
+            if at[..known].binary_search(&position[column]).is_err() {
+                at.push(position[column]);
+            }
+        }
+        if at.len() > known {
+            at.sort_unstable();
+        }
+    }
+    at
 }
 
 /// Operation that adds the products of `M` rows to the panels. `sorted` contains their derivatives by entry.
