@@ -42,8 +42,10 @@ const MOST_NO_BETTER: usize = 25;
 const MOST_WITHOUT_STEP: usize = 3;
 /// Damping beyond which steps are too short to have an effect.
 const DAMPING_LIMIT: f64 = 1e12;
-/// Damping below which a step hardly changes.
+/// Damping below which a step hardly changes: a rejected step is damped at least so much.
 const DAMPING_FELT: f64 = 1e-4;
+/// Likewise near an optimum, where hardly any step that fails undamped succeeds with less.
+const DAMPING_FELT_NEAR: f64 = RAISE * DAMPING_FELT;
 /// Scale factor of the damping after a rejected step.
 const RAISE: f64 = 6.0;
 /// Number of iterations before the solver uses look-ahead steps ([`look_ahead`]). Easy solves end earlier.
@@ -120,6 +122,8 @@ pub struct Solver<'a> {
     /// Multipliers: shift of every row.
     shifts: Vec<f64>,
     damping: f64,
+    /// Smallest damping after a rejected step.
+    damping_felt: f64,
     iteration: usize,
     step_length: f64,
     /// Level up to which the constraints count as met: that of the settings, or of rows that no step lowers.
@@ -156,15 +160,15 @@ impl<'a> Solver<'a> {
     ) -> Self {
         let penalty = system.penalty();
         let Point { unknowns, rows } = &mut point;
-        let (damping, shifts) = match begin {
-            SolveMode::Cold => (DAMPING_COLD, vec![0.0; rows.rows.len()]),
+        let (damping, damping_felt, shifts) = match begin {
+            SolveMode::Cold => (DAMPING_COLD, DAMPING_FELT, vec![0.0; rows.rows.len()]),
             SolveMode::Near(known) => {
                 let carried = known.and_then(|multipliers| multipliers.carried(rows, penalty));
                 let shifts = carried.unwrap_or_else(|| {
                     *rows = system.rows(unknowns, std::mem::take(rows));
                     multipliers::estimate(rows, &mut normal, penalty, DAMPING_NEAR)
                 });
-                (DAMPING_NEAR, shifts)
+                (DAMPING_NEAR, DAMPING_FELT_NEAR, shifts)
             }
         };
         let energy = NormalEquations::energy(rows, &shifts, penalty);
@@ -178,6 +182,7 @@ impl<'a> Solver<'a> {
             energy,
             shifts,
             damping,
+            damping_felt,
             iteration: 0,
             step_length: 0.0,
             cost: f64::INFINITY,
@@ -308,7 +313,7 @@ impl<'a> Solver<'a> {
                 break; // As low as rounding lets it get.
             }
             rejected = true;
-            self.damping = (self.damping * RAISE).max(DAMPING_FELT);
+            self.damping = (self.damping * RAISE).max(self.damping_felt);
         }
         StepEffect { decrease: 0.0, mismatch: f64::INFINITY }
     }
