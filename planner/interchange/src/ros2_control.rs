@@ -81,9 +81,11 @@ fn channels<'b>(bodies: &'b [Body<'b>]) -> Vec<&'b Hinge<'b>> {
 }
 
 fn interfaces(xml: &mut Xml, of: &Hinge<'_>) -> io::Result<()> {
-    let (command, min, max, start_rad) = match of.of {
+    let (command, min, max, start) = match of.of {
         HingeOrigin::Joint { joint, .. } => {
-            ("position", joint.position_min_rad, joint.position_max_rad, joint.nominal_rad)
+            let in_unit = |angle_rad: f64| angle_rad * joint.per_rad();
+            let range = [joint.position_min_rad, joint.position_max_rad].map(in_unit);
+            ("position", range[0], range[1], in_unit(joint.nominal_rad))
         }
         HingeOrigin::Wheel { .. } => {
             let speed_rad_s = of.of.actuator().map_or(0.0, |motor| motor.speed_max_rad_s);
@@ -96,7 +98,7 @@ fn interfaces(xml: &mut Xml, of: &Hinge<'_>) -> io::Result<()> {
             param(xml, "max", &max)
         })?;
         xml.element("state_interface", &[("name", "position".into())], |xml| {
-            param(xml, "initial_value", &start_rad)
+            param(xml, "initial_value", &start)
         })?;
         ["velocity", "effort"]
             .iter()

@@ -42,7 +42,7 @@ fn every_motor_has_an_interface_with_the_limits_of_the_urdf() {
             let limit = named(*joint, "limit")[0].0;
             let limit = |key: &str| limit.attribute(key).unwrap().parse::<f64>().unwrap();
             let (kind, expected) = match joint.attribute("type").unwrap() {
-                "revolute" => ("position", [limit("lower"), limit("upper")]),
+                "revolute" | "prismatic" => ("position", [limit("lower"), limit("upper")]),
                 _ => ("velocity", [-limit("velocity"), limit("velocity")]),
             };
             let command = &named(*of, "command_interface")[0];
