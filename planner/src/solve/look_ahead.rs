@@ -71,19 +71,27 @@ mod tests {
     use crate::test_robots;
     use rollwalk_multibody::euler::Model;
 
-    /// Energy of the planes of the inequalities that a trial ran into, after a step.
-    fn planes(here: &Rows, trial: &Trial, step: &[f64]) -> f64 {
+    /// Energy of the planes of the inequalities that a trial ran into and that the fronts have room for, after a step.
+    fn planes(here: &Rows, trial: &Trial, normal: &mut NormalEquations, step: &[f64]) -> f64 {
         let there = &trial.point.rows;
-        let of_row = |((row, value), &end): ((&Row, f64), &f64)| match row.role {
-            Role::Inequality { band } if !row.counts(value) && row.counts(end) => {
-                let entries = row.entries.clone();
-                let apart = |k: usize| step[there.columns[k]] - trial.step[there.columns[k]];
-                let change: f64 = entries.map(|k| there.derivatives[k] * apart(k)).sum();
-                one_sided_square(end + change, band)[0]
+        let mut has_room = |index: usize| {
+            let none = vec![0.0; here.rows[index].entries.len()];
+            normal.add_row(here, index, &none, [0.0; 2])
+        };
+        let of_row = |(index, ((row, value), &end)): (usize, ((&Row, f64), &f64))| match row.role {
+            Role::Inequality { band }
+                if !row.counts(value) && row.counts(end) && has_room(index) =>
+            {
+                let change = |step: &[f64]| -> f64 {
+                    row.entries.clone().map(|k| there.derivatives[k] * step[there.columns[k]]).sum()
+                };
+                // A plane that the present point violates is moved to it, as the point satisfies the inequality.
+                let base = (end - change(&trial.step)).min(0.0);
+                one_sided_square(base + change(step), band)[0]
             }
             _ => 0.0,
         };
-        here.iter().zip(&there.values).map(of_row).sum()
+        here.iter().zip(&there.values).enumerate().map(of_row).sum()
     }
 
     #[test]
@@ -112,7 +120,8 @@ mod tests {
             assert!(excess >= 0.0, "{}: {excess}", robot.name);
             // The first step minimises the damped model without planes, the second the model with planes.
             let next = normal.step(damping).expect("positive definite");
-            let [before, after] = [&trial.step, &next].map(|step| planes(&here.rows, &trial, step));
+            let [before, after] =
+                [&trial.step, &next].map(|step| planes(&here.rows, &trial, &mut normal, step));
             assert!(after < before, "{}: {before} {after}", robot.name);
         }
         assert!(looked > 0, "no robot ran into an inequality");
