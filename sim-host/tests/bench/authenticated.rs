@@ -132,11 +132,11 @@ fn a_diagnosis_finds_out_whether_a_key_is_missing() {
         (requiring_key(), peer(1), LinkKeyCheck::Accepted),
         (requiring_key(), peer(2), LinkKeyCheck::Wrong),
     ] {
-        assert_eq!(LinkKeyCheck::of(&mut rig, &peer), expected);
+        assert_eq!(LinkKeyCheck::of(&mut rig, &peer).0, expected);
         assert_eq!(refused(&mut rig), 0);
     }
     let mut session = Session::connect(requiring_key(), peer(1)).unwrap();
-    assert_eq!(LinkKeyCheck::of(session.bus_mut(), &node().into()), LinkKeyCheck::Missing);
+    assert_eq!(LinkKeyCheck::of(session.bus_mut(), &node().into()).0, LinkKeyCheck::Missing);
     session.estop().unwrap();
     session.run_for(S / 10).unwrap();
     session.clear().unwrap();
