@@ -48,12 +48,13 @@ impl Journal {
         let (at_ms, event) = (wrapping_ms(at_us), Event::MotionStarted.code());
         let (fault, channel, value) = (None, None, f32::from(motion.0));
         let entry = LogEntry { at_ms, event, before, after, fault, channel, value };
-        let newest = self.next.wrapping_sub(1) as usize % MAX_LOG_ENTRIES;
+        let newest = self.next.wrapping_sub(1);
         let repeats = |last: &LogEntry| last.event == event && last.before == last.after;
-        match self.entries.get_mut(newest).and_then(Option::as_mut) {
-            Some(last) if before == after && repeats(last) => *last = entry,
-            _ => self.record(entry),
+        let last = self.entries.get(newest as usize % MAX_LOG_ENTRIES);
+        if before == after && last.and_then(Option::as_ref).is_some_and(repeats) {
+            self.next = newest;
         }
+        self.record(entry);
     }
 
     /// Removes the motions from the entries, because another library has other ones.
