@@ -108,6 +108,7 @@ fn a_bad_urdf_or_side_file_writes_nothing() {
     desk.write("quad.urdf", b"<robot name=\"\xff\"/>");
     desk.run(&import).fails(1, &["quad.urdf", "not UTF-8"]);
     desk.run(&["robot", "import", "qaud.urdf"]).fails(1, &["no URDF or MJCF file", "quad.urdf"]);
+    desk.write("quad.urdf", quadruped());
     desk.run(&["robot", "import", "quad.urdf", "--with", "side.toml"]).fails(2, &["--output"]);
     assert!(!desk.path("quad.toml").exists());
 }

@@ -369,7 +369,11 @@ fn no_effect(place: &Location, known: &[String]) -> NoEffect {
     let help = if known.is_empty() {
         "name a part of the robot file".into()
     } else if place.template.is_none() && place.name.contains('*') {
-        format!("names with * belong to templates: write TEMPLATE/{}", place.name)
+        format!(
+            "give one of {}, or TEMPLATE/{} for parts of a template",
+            known.join(", "),
+            place.name
+        )
     } else {
         format!("give one of {}", known.join(", "))
     };

@@ -199,6 +199,13 @@ mod tests {
             state.velocity.iter_mut().for_each(|speed| *speed = 0.05 * random());
             let mut stands = vec![true; robot.end_effectors.len()];
             stands[1] = false;
+            let (_, off) = contact_rows(
+                &tree,
+                &Footing::default(),
+                &state,
+                &stands,
+                ContactResidual::Distance,
+            );
             let found = on_contacts(&tree, &Footing::default(), &state, &stands);
             let mut kinematics = Kinematics::new(&tree, &found.configuration());
             kinematics.update(&tree, &found.configuration(), &found.velocity);
@@ -213,7 +220,10 @@ mod tests {
                     assert!(velocity.norm() < 1e-4, "{name}: {velocity:?}");
                 }
             }
-            assert!((found.base_position_m - state.base_position_m).norm() < 0.02);
+            let moved_m = (found.base_position_m - state.base_position_m).norm();
+            // The nominal pose of the robot with prismatic joints lifts some feet by centimetres.
+            let most_m = off.amax().max(0.02);
+            assert!(moved_m < most_m, "{}: {moved_m} of {most_m}", robot.name);
         }
     }
 }

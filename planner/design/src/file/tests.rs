@@ -101,7 +101,7 @@ fn faults_say_what_would_be_right() {
             "mount = \"leg.y\"\nradius_of = \"leg/*\"",
             "`radius_of` stands beside `mount`; give exactly one of length_of, joint, mount",
         ),
-        ("leg/*_thigh", "*_thigh", "names with * belong to templates: write TEMPLATE/*_thigh"),
+        ("leg/*_thigh", "*_thigh", "or TEMPLATE/*_thigh for parts of a template"),
         ("weight = 0.5", "weight = -1", "`weight` is -1"),
         ("max_m = 0.12\n", "max_m = 0.12\n[repair]\npull = 0\n", "`pull` is 0"),
         ("max_m = 0.12\n", "max_m = 0.12\n[repair]\n", "`pull` is missing"),
