@@ -207,7 +207,7 @@ fn go(
 /// Returns the motions to select from SAFE, in order, so that every transition is played. Without `at_places`, motions for a
 /// place and their transitions are left out.
 ///
-/// From each motion the route takes an unplayed edge; if there is none, it selects the origin of the first unplayed edge.
+/// The route leaves each motion by an unplayed edge. Without one, it selects the origin of the first unplayed edge.
 fn route(library: &Library<'_>, at_places: bool) -> Vec<NodeId> {
     let edges = library.edges().filter_map(|edge| library.edge(edge));
     let is_played = |node| at_places || place_of(&name(library, node)).is_none();

@@ -2,9 +2,21 @@
 
 use crate::force::{Derivative, Force, View, Wrench};
 use crate::motion::{BodyMotion, Scheme, Weights};
+use crate::motor::Law;
 use crate::rotation::Increment;
 use fastrand::Rng;
 use nalgebra::{Matrix6, Vector3, Vector6};
+
+/// Law of a motor away from its limit, with all terms.
+pub const LAW: Law = Law {
+    kp_nm_rad: 5.0,
+    kd_nm_s_rad: 0.3,
+    position_rad: 0.2,
+    speed_rad_s: -0.4,
+    torque_nm: 0.7,
+    limit_nm: 1e3,
+    line: None,
+};
 
 fn random(rng: &mut Rng, size: f64) -> Vector3<f64> {
     Vector3::from_fn(|_, _| size * (2.0 * rng.f64() - 1.0))

@@ -241,7 +241,7 @@ fn by_speed(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::agrees_with_finite_differences;
+    use crate::check::{LAW, agrees_with_finite_differences};
     use rollwalk_robot::{Linkage, Robot};
 
     fn motor(law: Law) -> CoupledMotor {
@@ -265,17 +265,8 @@ mod tests {
 
     #[test]
     fn a_coupled_motor_has_its_derivatives_free_and_at_its_limit() {
-        let free = Law {
-            kp_nm_rad: 5.0,
-            kd_nm_s_rad: 0.3,
-            position_rad: 0.2,
-            speed_rad_s: -0.4,
-            torque_nm: 0.7,
-            limit_nm: 1e3,
-            line: None,
-        };
-        agrees_with_finite_differences(&motor(free));
-        agrees_with_finite_differences(&motor(Law { limit_nm: 0.1, ..free }));
+        agrees_with_finite_differences(&motor(LAW));
+        agrees_with_finite_differences(&motor(Law { limit_nm: 0.1, ..LAW }));
     }
 
     /// Second servo of a five-bar leg, with a crank so long that the linkage closes in every pose.

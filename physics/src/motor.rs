@@ -364,7 +364,7 @@ impl Force for Motor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::agrees_with_finite_differences;
+    use crate::check::{LAW, agrees_with_finite_differences};
 
     fn motor(law: Law) -> Motor {
         Motor {
@@ -396,18 +396,9 @@ mod tests {
 
     #[test]
     fn a_motor_has_its_derivatives_free_at_its_limit_and_on_its_line() {
-        let free = Law {
-            kp_nm_rad: 5.0,
-            kd_nm_s_rad: 0.3,
-            position_rad: 0.2,
-            speed_rad_s: -0.4,
-            torque_nm: 0.7,
-            limit_nm: 1e3,
-            line: None,
-        };
-        agrees_with_finite_differences(&motor(free));
-        agrees_with_finite_differences(&motor(Law { limit_nm: 0.1, ..free }));
-        agrees_with_finite_differences(&motor(Law { line: Some((0.5, 30.0)), ..free }));
+        agrees_with_finite_differences(&motor(LAW));
+        agrees_with_finite_differences(&motor(Law { limit_nm: 0.1, ..LAW }));
+        agrees_with_finite_differences(&motor(Law { line: Some((0.5, 30.0)), ..LAW }));
     }
 
     #[test]

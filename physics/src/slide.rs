@@ -261,7 +261,7 @@ impl Slide {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::agrees_with_finite_differences;
+    use crate::check::{LAW, agrees_with_finite_differences};
     use crate::motor::{Law, Motor, Stops};
 
     const POINTS: [Vector3<f64>; 2] =
@@ -278,19 +278,10 @@ mod tests {
 
     #[test]
     fn a_motor_that_slides_has_its_derivatives() {
-        let law = Law {
-            kp_nm_rad: 5.0,
-            kd_nm_s_rad: 0.3,
-            position_rad: 0.2,
-            speed_rad_s: -0.4,
-            torque_nm: 0.7,
-            limit_nm: 1e3,
-            line: None,
-        };
         for (law, stops) in [
-            (law, None),
-            (Law { limit_nm: 0.1, ..law }, None),
-            (law, Some(Stops { range_rad: [-0.1, 0.1], stiffness_nm_rad: 30.0 })),
+            (LAW, None),
+            (Law { limit_nm: 0.1, ..LAW }, None),
+            (LAW, Some(Stops { range_rad: [-0.1, 0.1], stiffness_nm_rad: 30.0 })),
         ] {
             agrees_with_finite_differences(&Motor {
                 bodies: [0, 1],

@@ -84,9 +84,9 @@ pub enum EstimateError {
     NoContact,
     /// Contradiction between IMU and contacts.
     ///
-    /// One of three values is too large: the mean estimated velocity of the material at every contact over 0.2 s (0.1 m/s), the
-    /// estimated gyro bias (0.1 rad/s), or the slope of the line through two contacts for 0.1 s (22°). Possible causes are a
-    /// wrong tilt or velocity, a false contact, or slip of all feet.
+    /// Limits, one of which is exceeded: 0.1 m/s for the mean estimated velocity of the material at every contact over 0.2 s,
+    /// 0.1 rad/s for the estimated gyro bias, and 22° for the slope of the line through two contacts for 0.1 s. Possible causes
+    /// are a wrong tilt or velocity, a false contact, or slip of all feet.
     Contradiction,
 }
 

@@ -20,6 +20,10 @@ const REST_MAX_RAD: f64 = 20.0;
 /// Largest speeds of joints and wheels in frames of the Rollwalk profile, rad/s. Larger numbers are usually rev/min.
 pub(crate) const SPEEDS_MAX_RAD_S: [f64; 2] =
     [actuator::MAX_SPEED_RAD_S as f64, actuator::MAX_WHEEL_SPEED_RAD_S as f64];
+/// Fields of the smallest, largest and nominal angle of a joint.
+const ANGLES: [&str; 3] = ["position_min_rad", "position_max_rad", "nominal_rad"];
+/// Fields of the smallest, largest and nominal position of a prismatic joint.
+const POSITIONS: [&str; 3] = ["position_min_m", "position_max_m", "nominal_m"];
 /// Number of actuator buses of a controller.
 const BUSES: u8 = MAX_BUSES as u8;
 
@@ -213,9 +217,7 @@ impl Check<'_> {
             return self.stroke([min, max, nominal], travel);
         }
         let mut sound = true;
-        for (field, angle) in
-            [("position_min_rad", min), ("position_max_rad", max), ("nominal_rad", nominal)]
-        {
+        for (field, angle) in ANGLES.into_iter().zip([min, max, nominal]) {
             // The comparison is false for NaN.
             let fits = angle.abs() <= TAU;
             if !fits {
@@ -230,12 +232,24 @@ impl Check<'_> {
         if !sound {
             return;
         }
+        self.order(ANGLES, [min, max, nominal], "an angle", "rad");
+    }
+
+    /// Checks that the minimum is below the maximum, and the nominal position between them. `fields` are those of minimum, maximum
+    /// and nominal position.
+    fn order(
+        &mut self,
+        fields: [&'static str; 3],
+        [min, max, nominal]: [f64; 3],
+        kind: &str,
+        unit: &str,
+    ) {
         if min >= max {
-            let help = format!("give a value above `position_min_rad` ({min} rad)");
-            self.violated("position_max_rad", format_args!("is {max} rad"), help);
+            let help = format!("give a value above `{}` ({min} {unit})", fields[0]);
+            self.violated(fields[1], format_args!("is {max} {unit}"), help);
         } else if !(min..=max).contains(&nominal) {
-            let help = format!("give an angle within the limits, {min} to {max} rad");
-            self.violated("nominal_rad", format_args!("is {nominal} rad"), help);
+            let help = format!("give {kind} within the limits, {min} to {max} {unit}");
+            self.violated(fields[2], format_args!("is {nominal} {unit}"), help);
         }
     }
 
@@ -244,11 +258,8 @@ impl Check<'_> {
         let [min_m, max_m, nominal_m] = angles.map(|angle| rounded(angle * travel_m_per_rad));
         let mut sound = true;
         let most_m = (travel_m_per_rad * TAU * 1e4).floor() / 1e4;
-        for (field, angle, position_m) in [
-            ("position_min_m", angles[0], min_m),
-            ("position_max_m", angles[1], max_m),
-            ("nominal_m", angles[2], nominal_m),
-        ] {
+        let positions_m = [min_m, max_m, nominal_m];
+        for ((field, angle), position_m) in POSITIONS.into_iter().zip(angles).zip(positions_m) {
             // The comparison is false for NaN.
             let fits = angle.abs() <= TAU;
             if !fits {
@@ -265,13 +276,7 @@ impl Check<'_> {
         if !sound {
             return;
         }
-        if min_m >= max_m {
-            let help = format!("give a value above `position_min_m` ({min_m} m)");
-            self.violated("position_max_m", format_args!("is {max_m} m"), help);
-        } else if !(min_m..=max_m).contains(&nominal_m) {
-            let help = format!("give a position within the limits, {min_m} to {max_m} m");
-            self.violated("nominal_m", format_args!("is {nominal_m} m"), help);
-        }
+        self.order(POSITIONS, positions_m, "a position", "m");
     }
 
     pub(super) fn actuator(&mut self, motor: &Actuator, speed_max_rad_s: f64) {

@@ -4,6 +4,7 @@ use super::*;
 use crate::anchor::Anchor;
 use crate::assembly::Assembly;
 use crate::body::Inertia;
+use crate::check::LAW;
 use crate::contact::{GroundContact, Normal, Resistance, Tip};
 use crate::curve::{Curve, Degree};
 use crate::friction::{Friction, FrictionModel};
@@ -110,16 +111,6 @@ fn scene(model: FrictionModel, law: Law) -> Scene {
     let system = System::new(settings, assembly);
     Scene { system, motor, contacts, springs, hold, elements, nodes: soft.nodes, surface }
 }
-
-const LAW: Law = Law {
-    kp_nm_rad: 5.0,
-    kd_nm_s_rad: 0.3,
-    position_rad: 0.2,
-    speed_rad_s: -0.4,
-    torque_nm: 0.7,
-    limit_nm: 1e3,
-    line: None,
-};
 
 /// Moves bodies randomly near their initial positions, with random velocities, so that most touch the ground.
 fn randomise(system: &mut System, places: &[BodyMotion], rng: &mut Rng) {

@@ -1,5 +1,5 @@
 //! Axles of wheels: joints at the ends of limbs, about a horizontal axis, around which their body is round. A joint with limits
-//! is an axle only if its name or that of its link says so.
+//! is an axle only if its name or the name of its link contains a word of `WHEELS`.
 
 use super::super::bodies::{Body, Rigid, merge};
 use super::super::model::{Joint, Link, Shape, Solid, Urdf};
