@@ -235,8 +235,8 @@ impl Check<'_> {
         self.order(ANGLES, [min, max, nominal], "an angle", "rad");
     }
 
-    /// Checks that the minimum is below the maximum, and the nominal position between them. `fields` are those of minimum, maximum
-    /// and nominal position.
+    /// Checks that the minimum is below the maximum, and the nominal position between them. `fields` names minimum, maximum and
+    /// nominal position.
     fn order(
         &mut self,
         fields: [&'static str; 3],
